@@ -1,0 +1,50 @@
+// Constrained Planar Cuts: Schoeler, Papon, Woergoetter, CVPR 2015, with the merging of small
+// fragments in ascending order of concavity (Araslanov et al., GCPR 2016, section 3.2).
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/fields.hpp"
+#include "core/values.hpp"
+
+namespace cosegraph::cpc {
+
+enum class Merge {
+  concavity,  // smallest concavity score first, into that neighbour
+  size,       // original: vertex order, into the largest neighbour
+};
+
+struct Params {
+  double concavity_tolerance = 5.0;
+  bool sanity_check = true;
+  int max_cuts = 25;
+  int min_cut_edges = 10;
+  double min_cut_score = 0.16;
+  int ransac_iterations = 500;
+  int min_segment = 3;
+  Merge merge = Merge::concavity;
+  double seed_resolution = 0.05;  // of the supervoxels: CPC's RANSAC inlier distance
+};
+
+Fields describe(Params& params);
+
+// Partitions the supervoxels of `dense`-scale `scale` (Cloud::scale). Segment ids are 0 .. count-1
+// in the order of their first supervoxel. The same bytes at every call. Throws InputError if
+// `supervoxels` is empty.
+Segments compute(const Supervoxels& supervoxels, float scale, const Params& params);
+
+// True where supervoxels a and b meet in a concave edge: n1.d - n2.d < 0, d = (x1-x2)/|x1-x2|.
+bool is_concave(const Supervoxels& supervoxels, std::int32_t a, std::int32_t b);
+
+// Merges every segment of fewer than `min_segment` supervoxels in ascending order of concavity
+// score (fraction of concave edges on the shared boundary); ties by the smaller segment id, then
+// by the smaller neighbour id. `segment` holds an id per supervoxel and is changed in place.
+// A small segment without neighbours stays.
+void merge_by_concavity(const Supervoxels& supervoxels, int min_segment,
+                        std::span<std::int32_t> segment);
+
+}  // namespace cosegraph::cpc
+
+template <>
+cosegraph::Names<cosegraph::cpc::Merge> cosegraph::names<cosegraph::cpc::Merge>();

@@ -1,0 +1,47 @@
+// What a user gets: labels on the input's own points, figures against true labels, a picture.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/values.hpp"
+
+namespace cosegraph::sink {
+
+// The labelling carried to the input's points through input.dense_index: `label` (kNoLabel where
+// the point was removed) replaces the input's labels, colours become the labels' colours.
+struct Labelled {
+  Cloud cloud;
+  std::vector<float> confidence;  // per point, 0 where there is no label
+};
+Labelled to_input(const Cloud& input, const Labelling& labelling);
+
+// Compares labels by name over the points that have a true label and were not removed.
+struct Evaluation {
+  std::int64_t points = 0;
+  double accuracy = 0.0;
+  double oracle = 0.0;  // each segment given its most frequent true label
+  std::vector<std::string> unknown;  // true labels that the model lacks
+};
+std::optional<Evaluation> evaluate(const Cloud& input, const Segments& segments,
+                                   const Labelling& labelling);
+
+// The colour of label i out of the fixed, colour-blind-safe palette, in [0, 1].
+std::array<float, 3> palette(std::int32_t label);
+
+// One panel of a picture: points seen from the sensor, coloured.
+struct Panel {
+  std::string title;
+  std::string subtitle;
+  const Cloud* cloud = nullptr;
+  std::vector<std::int32_t> group;  // per point of `cloud`; kNoLabel: grey
+  std::vector<std::string> names;   // legend; empty: groups are coloured without a legend
+};
+
+// PNG bytes: panels side by side (wrapped into rows of at most `columns`), each fitted to its
+// frame, with titles and one legend for all named groups (same name, same colour).
+std::string draw_png(std::span<const Panel> panels, int columns = 4);
+
+}  // namespace cosegraph::sink
