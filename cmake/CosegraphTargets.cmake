@@ -7,7 +7,7 @@ include(GoogleTest)
 add_library(cosegraph_settings INTERFACE)
 target_compile_features(cosegraph_settings INTERFACE cxx_std_20)
 target_compile_options(cosegraph_settings INTERFACE -Wall -Wextra -Wpedantic
-                       -Wno-missing-field-initializers -ffp-contract=off)
+                       -Wno-missing-field-initializers -Wno-restrict -ffp-contract=off)
 if(COSEGRAPH_WERROR)
   target_compile_options(cosegraph_settings INTERFACE -Werror)
 endif()

@@ -5,15 +5,15 @@
 // complete and consistent; nothing is repaired silently.
 #pragma once
 
-#include <cstdint>
+#include <compare>
 #include <filesystem>
 #include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "core/error.hpp"
+#include "core/fields.hpp"
 #include "graph/stage_info.hpp"
 
 namespace cosegraph::graph {
@@ -22,6 +22,8 @@ namespace cosegraph::graph {
 struct Mark {
   int line = 0;
   int column = 0;
+
+  auto operator<=>(const Mark&) const = default;
 };
 
 struct Fault {
@@ -30,7 +32,8 @@ struct Fault {
   std::string message;
 };
 
-std::string to_text(const Fault& fault);  // "FILE:LINE:COLUMN: MESSAGE"
+std::string to_text(
+    const Fault& fault);  // "FILE:LINE:COLUMN: MESSAGE"; "FILE: MESSAGE" if line is 0
 
 // All faults of a graph, one per line of what().
 class GraphError : public Error {
@@ -42,11 +45,13 @@ class GraphError : public Error {
   std::vector<Fault> faults_;
 };
 
+// `mark` is where a name stands, `value_mark` where its value does.
 struct Connection {
   std::string port;        // input of this stage
-  std::string from_stage;
+  std::string from_stage;  // empty in a faulty file only: what was written is unusable
   std::string from_port;
   Mark mark;
+  Mark value_mark;
 };
 
 struct Setting {
@@ -54,6 +59,7 @@ struct Setting {
   std::vector<std::string> value;  // one element, or a list's
   bool is_list = false;
   Mark mark;
+  Mark value_mark;
 };
 
 enum class RestartPolicy { never, on_failure };
@@ -73,6 +79,9 @@ struct StageNode {
   std::vector<Setting> params;
   Restart restart;
   Mark mark;
+
+  // Where the values of "use", "exec", "host" and "outputs.PORT" stand, of those that are given.
+  std::map<std::string, Mark, std::less<>> marks;
 };
 
 enum class Discovery { multicast, peers, server };
@@ -94,42 +103,64 @@ struct GraphDescription {
   std::string file;
   std::string graph;  // name: first part of every topic and the DDS partition
   Dds dds;
-  int window = 4;              // frames in flight, at most
-  double deadline = 60.0;      // s; a frame that nobody finished by then fails
+  int window = 4;          // frames in flight, at most
+  double deadline = 60.0;  // s; a frame that nobody finished by then fails
   std::vector<Host> hosts;
   std::vector<StageNode> stages;  // in the file's order
+  Mark mark;                      // of `stages`
 
   const StageNode* stage(std::string_view name) const;
   StageNode* stage(std::string_view name);
 };
 
-// Parses without a catalog: syntax, keys, types of values. Faults are appended.
+// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "max" and
+// "policy".
+Fields describe(GraphDescription& graph);
+Fields describe(Dds& dds);
+Fields describe(Restart& restart);
+
+// Names of graphs, stages, hosts and ports: they become parts of topic names.
+constexpr std::string_view kNamePattern = "[a-z][a-z0-9_-]*";
+
+// Parses without a catalog: syntax, keys, types of values. Faults are appended; what they concern
+// is left at its default.
 GraphDescription parse(std::string_view yaml, const std::string& file, std::vector<Fault>& faults);
 
-// Everything that needs to know the kinds of stages.
+// Everything that needs to know the kinds of stages, in the order of the file: wiring, parameters,
+// hosts, executables. A stage of unknown kind is one fault; nothing is said about its ports then.
+// Executables are looked for only where they would run on this machine: stages without a host, or
+// with one whose address is the loopback.
 std::vector<Fault> check(const GraphDescription& graph, const Catalog& catalog);
 
-// Reads, parses and checks. Throws GraphError with every fault.
+// Reads, parses and checks. Throws GraphError with every fault of both, in the order of the file.
 GraphDescription load(const std::filesystem::path& file, const Catalog& catalog);
 
-// Adds or replaces a parameter, without checking it.
+// Adds or replaces a parameter, without checking it. It is a list if `value` has not exactly one
+// element. Throws ParameterError for an unknown stage.
 void set_param(GraphDescription& graph, std::string_view stage, std::string_view name,
                std::vector<std::string> value);
 
-// The graph as YAML that parse() reads back to an equal description.
+// The graph as YAML that parse() reads back to an equal description, marks and file aside.
 std::string to_yaml(const GraphDescription& graph);
 
-// The ports of a stage: of its kind, or those an `exec` stage declares.
+// What follows expects a graph without faults.
+
+// The ports of a stage: of its kind, or those an `exec` stage declares. An output that an exec
+// stage declares is latched if every kind's output of that type is. What its inputs take depends on
+// what feeds them: their type is empty here (see infos_of). Throws Error for an unknown kind.
 StageInfo info_of(const StageNode& stage, const Catalog& catalog);
 
-// The one stage that admits frames.
+// info_of() all stages, in their order; an exec stage's inputs are as the outputs that feed them.
+std::vector<StageInfo> infos_of(const GraphDescription& graph, const Catalog& catalog);
+
+// The one stage that admits frames. Throws Error if there is none.
 const StageNode& source_of(const GraphDescription& graph, const Catalog& catalog);
 
 // Stages that take frames and whose frame outputs nobody reads: a frame is done when all of them
 // have said so. In the file's order.
 std::vector<std::string> leaves_of(const GraphDescription& graph, const Catalog& catalog);
 
-// Names of all stages downstream of `stage` along frame edges.
+// Names of all stages downstream of `stage` along frame edges, in the file's order.
 std::vector<std::string> downstream_of(const GraphDescription& graph, std::string_view stage,
                                        const Catalog& catalog);
 
@@ -137,11 +168,15 @@ std::vector<std::string> downstream_of(const GraphDescription& graph, std::strin
 std::string topic_name(const GraphDescription& graph, std::string_view stage,
                        std::string_view port);
 
-// Graphviz source: stages as boxes with kind, host and changed parameters, edges with message
-// types, latched edges dashed, the legend below.
+// Graphviz source: stages as boxes with kind, host and the parameters that differ from their
+// defaults, edges with message types, latched edges dashed, the legend below.
 std::string to_dot(const GraphDescription& graph, const Catalog& catalog);
 
 // JSON schema (draft 2020-12) of graph files for editors.
 std::string json_schema(const Catalog& catalog);
 
 }  // namespace cosegraph::graph
+
+template <>
+cosegraph::Names<cosegraph::graph::RestartPolicy>
+cosegraph::names<cosegraph::graph::RestartPolicy>();

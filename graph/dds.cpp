@@ -1,0 +1,268 @@
+#include "graph/dds.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/log/Log.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <mutex>
+
+namespace cosegraph::graph {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+namespace rtps = eprosima::fastrtps::rtps;
+using eprosima::fastrtps::Duration_t;
+
+// A DDS type whose samples are encoded already.
+class EncodedType final : public dds::TopicDataType {
+ public:
+  explicit EncodedType(const std::string& name) {
+    setName(name.c_str());
+    m_typeSize = 4096;  // of the first allocation; the history grows as samples need it
+    m_isGetKeyDefined = false;
+    // With type information on, Fast DDS 2.9 crashes when participants start together, and other
+    // vendors refuse the endpoints.
+    auto_fill_type_information(false);
+    auto_fill_type_object(false);
+  }
+
+  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
+    const auto& bytes = *static_cast<const idl::Bytes*>(data);
+    if (bytes.size() > payload->max_size) return false;
+    std::memcpy(payload->data, bytes.data(), bytes.size());
+    payload->length = static_cast<std::uint32_t>(bytes.size());
+    payload->encapsulation = bytes.size() > 1 && bytes[1] == 1 ? CDR_LE : CDR_BE;
+    return true;
+  }
+  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
+    static_cast<idl::Bytes*>(data)->assign(payload->data, payload->data + payload->length);
+    return true;
+  }
+  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
+    return [data] { return static_cast<std::uint32_t>(static_cast<idl::Bytes*>(data)->size()); };
+  }
+  void* createData() override { return new idl::Bytes; }
+  void deleteData(void* data) override { delete static_cast<idl::Bytes*>(data); }
+  bool getKey(void*, rtps::InstanceHandle_t*, bool) override { return false; }
+};
+
+Duration_t milliseconds(int value) {
+  return {0, static_cast<std::uint32_t>(value) * 1'000'000U};
+}
+
+dds::DomainParticipantQos participant_qos(const GraphDescription& graph,
+                                          const ParticipantOptions& options) {
+  dds::DomainParticipantQos qos;
+  qos.name(options.name);
+  constexpr std::uint32_t kSocketBuffer = 4U << 20U;
+  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  udp->sendBufferSize = kSocketBuffer;
+  udp->receiveBufferSize = kSocketBuffer;
+  udp->non_blocking_send = false;
+  // Only the first few participants of an address given without a port are tried otherwise.
+  udp->maxInitialPeersRange = 64;
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(udp);
+  if (options.shared_memory > 0) {
+    auto shared = std::make_shared<eprosima::fastdds::rtps::SharedMemTransportDescriptor>();
+    shared->segment_size(options.shared_memory);
+    qos.transport().user_transports.push_back(shared);
+  }
+  auto& discovery = qos.wire_protocol().builtin.discovery_config;
+  discovery.leaseDuration = {2, 0};
+  discovery.leaseDuration_announcementperiod = milliseconds(500);
+  if (graph.dds.discovery == Discovery::peers)
+    for (const auto& peer : graph.dds.peers) {
+      rtps::Locator_t locator;
+      locator.kind = LOCATOR_KIND_UDPv4;
+      if (!rtps::IPLocator::setIPv4(locator, peer))
+        throw Error("dds.peers: '" + peer + "' is not an IPv4 address");
+      qos.wire_protocol().builtin.initialPeersList.push_back(locator);
+    }
+  return qos;
+}
+
+template <class Qos>
+void set_common(Qos& qos, const EndpointQos& wanted) {
+  qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+  qos.durability().kind =
+      wanted.keep_for_late ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+  qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
+  qos.history().depth = wanted.depth;
+  qos.resource_limits().max_samples_per_instance = wanted.depth;
+  qos.resource_limits().max_samples = wanted.depth;
+  qos.resource_limits().max_instances = 1;
+  qos.resource_limits().allocated_samples = 0;
+  qos.endpoint().history_memory_policy = rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+  qos.data_sharing().off();
+}
+
+class Listener final : public dds::DataReaderListener {
+ public:
+  explicit Listener(std::function<void(Sample)> receive) : receive_(std::move(receive)) {}
+
+  void on_data_available(dds::DataReader* reader) override {
+    for (;;) {
+      auto bytes = std::make_shared<idl::Bytes>();
+      dds::SampleInfo info;
+      if (reader->take_next_sample(bytes.get(), &info) != ReturnCode_t::RETCODE_OK) return;
+      if (info.valid_data) receive_(std::move(bytes));
+    }
+  }
+
+ private:
+  std::function<void(Sample)> receive_;
+};
+
+}  // namespace
+
+struct Participant::Impl {
+  dds::DomainParticipant* participant = nullptr;
+  dds::Publisher* publisher = nullptr;
+  dds::Subscriber* subscriber = nullptr;
+  std::mutex mutex;
+  std::map<std::string, dds::Topic*> topics;
+
+  ~Impl() {
+    if (participant == nullptr) return;
+    participant->delete_contained_entities();
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant);
+  }
+
+  dds::Topic* topic(const std::string& name, std::string_view type) {
+    const std::scoped_lock lock(mutex);
+    auto& known = topics[name];
+    if (known != nullptr) return known;
+    const std::string wire = idl::wire_type(type);
+    dds::TypeSupport support(new EncodedType(wire));
+    support.register_type(participant);
+    known = participant->create_topic(name, wire, dds::TOPIC_QOS_DEFAULT);
+    if (known == nullptr) throw Error("cannot create the topic " + name + " of type " + wire);
+    return known;
+  }
+};
+
+namespace {
+
+class DdsWriter final : public Writer {
+ public:
+  DdsWriter(dds::Publisher* publisher, dds::DataWriter* writer)
+      : publisher_(publisher), writer_(writer) {}
+  ~DdsWriter() override { publisher_->delete_datawriter(writer_); }
+
+  void write(const idl::Bytes& bytes) override {
+    // DDS takes a mutable pointer but only reads.
+    if (!writer_->write(const_cast<idl::Bytes*>(&bytes)))
+      throw Error("cannot publish " + std::to_string(bytes.size()) + " bytes on " +
+                  writer_->get_topic()->get_name());
+  }
+
+ private:
+  dds::Publisher* publisher_;
+  dds::DataWriter* writer_;
+};
+
+class DdsReader final : public Reader {
+ public:
+  DdsReader(dds::Subscriber* subscriber, dds::DataReader* reader,
+            std::unique_ptr<Listener> listener)
+      : subscriber_(subscriber), reader_(reader), listener_(std::move(listener)) {}
+  ~DdsReader() override {
+    reader_->set_listener(nullptr);
+    subscriber_->delete_datareader(reader_);
+  }
+
+ private:
+  dds::Subscriber* subscriber_;
+  dds::DataReader* reader_;
+  std::unique_ptr<Listener> listener_;
+};
+
+}  // namespace
+
+Participant::Participant(const GraphDescription& graph, const ParticipantOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  static std::once_flag quiet;
+  std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
+  auto* factory = dds::DomainParticipantFactory::get_instance();
+  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
+                                                   participant_qos(graph, options));
+  if (impl_->participant == nullptr)
+    throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " +
+                options.name);
+  dds::PublisherQos publisher;
+  publisher.partition().push_back(graph.graph.c_str());
+  dds::SubscriberQos subscriber;
+  subscriber.partition().push_back(graph.graph.c_str());
+  impl_->publisher = impl_->participant->create_publisher(publisher);
+  impl_->subscriber = impl_->participant->create_subscriber(subscriber);
+  if (impl_->publisher == nullptr || impl_->subscriber == nullptr)
+    throw Error("cannot set up publisher and subscriber of " + options.name);
+}
+
+Participant::~Participant() = default;
+
+std::unique_ptr<Writer> Participant::writer(const std::string& topic, std::string_view type,
+                                            const EndpointQos& wanted) {
+  dds::DataWriterQos qos;
+  set_common(qos, wanted);
+  qos.reliable_writer_qos().times.heartbeatPeriod = milliseconds(50);
+  auto* writer = impl_->publisher->create_datawriter(impl_->topic(topic, type), qos);
+  if (writer == nullptr) throw Error("cannot create a writer for " + topic);
+  return std::make_unique<DdsWriter>(impl_->publisher, writer);
+}
+
+std::unique_ptr<Reader> Participant::reader(const std::string& topic, std::string_view type,
+                                            const EndpointQos& wanted,
+                                            std::function<void(Sample)> receive) {
+  dds::DataReaderQos qos;
+  set_common(qos, wanted);
+  qos.reliable_reader_qos().times.heartbeatResponseDelay = milliseconds(1);
+  auto listener = std::make_unique<Listener>(std::move(receive));
+  auto* reader =
+      impl_->subscriber->create_datareader(impl_->topic(topic, type), qos, listener.get());
+  if (reader == nullptr) throw Error("cannot create a reader for " + topic);
+  return std::make_unique<DdsReader>(impl_->subscriber, reader, std::move(listener));
+}
+
+int clean_shared_memory() {
+  namespace fs = std::filesystem;
+  const fs::path folder = "/dev/shm";
+  int removed = 0;
+  std::error_code error;
+  // Whoever uses a segment or port holds a lock on its file "..._el" (or "..._sl").
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename();
+    if (!name.starts_with("fastrtps_") || !(name.ends_with("_el") || name.ends_with("_sl")))
+      continue;
+    const int file = ::open(entry.path().c_str(), O_RDWR | O_CLOEXEC);
+    if (file < 0) continue;
+    if (::flock(file, LOCK_EX | LOCK_NB) == 0) {
+      const std::string base = name.substr(0, name.size() - 3);
+      for (const auto& leftover : {base, name, "sem." + base + "_mutex"})
+        removed += fs::remove(folder / leftover, error) ? 1 : 0;
+    }
+    ::close(file);
+  }
+  return removed;
+}
+
+}  // namespace cosegraph::graph

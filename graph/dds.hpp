@@ -1,0 +1,68 @@
+// The thin layer over Fast DDS: participants that send and receive encoded messages.
+//
+// Topics carry typed IDL messages (see idl/), but this layer only moves their bytes: what is
+// encoded once is written as it is, and a reader hands out the bytes as they came. The QoS below
+// was chosen by measurement; ARCHITECTURE.md tells why.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graph/description.hpp"
+#include "graph/stage.hpp"
+#include "idl/codec.hpp"
+
+namespace cosegraph::graph {
+
+
+struct EndpointQos {
+  int depth = 1;                // samples kept for late or slow readers
+  bool keep_for_late = true;    // a reader that comes later gets the newest `depth` samples
+};
+
+// Within one process messages are handed over directly; across processes of a host they go through
+// shared memory, else by UDP.
+struct ParticipantOptions {
+  std::string name;
+  std::uint32_t shared_memory = 0;  // bytes of its segment (prefaulted); 0: none, UDP only
+};
+
+class Writer {
+ public:
+  virtual ~Writer() = default;
+  // Throws Error if DDS refuses the sample.
+  virtual void write(const idl::Bytes& bytes) = 0;
+};
+
+class Reader {
+ public:
+  virtual ~Reader() = default;
+};
+
+class Participant {
+ public:
+  // Throws Error naming the domain if DDS cannot be started.
+  Participant(const GraphDescription& graph, const ParticipantOptions& options);
+  ~Participant();
+
+  std::unique_ptr<Writer> writer(const std::string& topic, std::string_view type,
+                                 const EndpointQos& qos);
+  // `receive` is called from DDS threads (or from the writer's own, within a process), one sample
+  // at a time per reader; it must not block.
+  std::unique_ptr<Reader> reader(const std::string& topic, std::string_view type,
+                                 const EndpointQos& qos, std::function<void(Sample)> receive);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Removes what killed processes left of Fast DDS in /dev/shm; what is in use stays. Returns how
+// many files went.
+int clean_shared_memory();
+
+}  // namespace cosegraph::graph

@@ -1,0 +1,92 @@
+#include "graph/run.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+#include "graph/runtime.hpp"
+#include "graph/watch.hpp"
+
+namespace cosegraph::graph {
+
+using namespace std::chrono_literals;
+using idl::State;
+
+bool Watch::over() const {
+  const auto stages = observer_.stages();
+  for (const auto& [name, seen] : stages)
+    if (seen.status.state == State::failed) return true;
+  const auto source = stages.find(source_);
+  return source != stages.end() && source->second.status.state == State::finished;
+}
+
+// All stages that take frames have worked the stream off, so that their figures are final.
+bool Watch::settled() const {
+  const auto stages = observer_.stages();
+  return std::ranges::all_of(streaming_, [&](const std::string& name) {
+    const auto seen = stages.find(name);
+    return seen != stages.end() && (seen->second.status.state == State::finished ||
+                                    seen->second.status.state == State::failed);
+  });
+}
+
+Watch::Watch(const GraphDescription& graph, const Catalog& catalog, const RunOptions& options)
+    : observer_(graph), options_(options), source_(source_of(graph, catalog).name) {
+  for (const auto& stage : graph.stages)
+    if (info_of(stage, catalog).has_frame_inputs()) streaming_.push_back(stage.name);
+}
+
+bool Watch::step(std::chrono::milliseconds patience) {
+  observer_.wait(patience);
+  const auto now = std::chrono::steady_clock::now();
+  if (options_.on_update && now - updated_ > 100ms) {
+    options_.on_update(observer_.stages());
+    updated_ = now;
+  }
+  interrupted_ = options_.stop != nullptr && options_.stop->load();
+  return !interrupted_ && !over();
+}
+
+RunReport Watch::report() {
+  if (!interrupted_)
+    for (int i = 0; i < 20 && !settled(); ++i) observer_.wait(100ms);
+  RunReport report{
+      .stages = observer_.stages(), .failures = observer_.failures(), .interrupted = interrupted_};
+  if (const auto source = report.stages.find(source_); source != report.stages.end())
+    report.account = source->second.status.account;
+  for (const auto& [name, seen] : report.stages)
+    if (seen.status.state == State::failed && name != source_)
+      report.error = name + ": " + seen.status.activity;
+  if (const auto source = report.stages.find(source_); report.error.empty() &&
+                                                       source != report.stages.end() &&
+                                                       source->second.status.state == State::failed)
+    report.error = source_ + ": " + source->second.status.activity;
+  if (options_.on_update) options_.on_update(report.stages);
+  return report;
+}
+
+RunReport run_in_process(const GraphDescription& graph, const StageTable& table,
+                         const RunOptions& options) {
+  const Catalog catalog = catalog_of(table);
+  Watch watch(graph, catalog, options);
+  const std::vector<std::string> leaves = leaves_of(graph, catalog);
+  std::vector<std::unique_ptr<StageRunner>> runners;
+  for (const auto& node : graph.stages) {
+    if (!node.exec.empty())
+      throw Error("stage " + node.name + " is a program of its own: use 'cosegraph up'");
+    auto stage = table.at(node.use)();
+    apply_params(graph, node, *stage);
+    try {
+      runners.push_back(std::make_unique<StageRunner>(graph, node.name, std::move(stage),
+                                                      RunnerOptions{.leaves = leaves}));
+    } catch (const Error& error) {
+      throw Error(node.name + ": " + error.what());
+    }
+  }
+  while (watch.step(50ms)) {
+  }
+  RunReport report = watch.report();
+  for (const auto& runner : runners) runner->request_stop();
+  return report;
+}
+
+}  // namespace cosegraph::graph

@@ -1,0 +1,50 @@
+// Runs a whole graph until its stream is over: in this process (one participant and one worker
+// thread per stage), or as one process per stage on this host.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "graph/description.hpp"
+#include "graph/observer.hpp"
+#include "graph/stage.hpp"
+
+namespace cosegraph::graph {
+
+struct RunOptions {
+  // Called about every 100 ms, and once at the end, with the newest status of every stage.
+  std::function<void(const std::map<std::string, Observed>&)> on_update;
+  // Set by a signal handler to stop the run early.
+  const std::atomic<bool>* stop = nullptr;
+};
+
+struct RunReport {
+  idl::Account account;  // of the source
+  std::map<std::string, Observed> stages;
+  std::vector<ObservedFailure> failures;
+  bool interrupted = false;
+  std::string error;  // why the graph could not go on; empty if its stream was worked off
+
+  bool fine() const { return error.empty() && !interrupted && account.failed == 0; }
+};
+
+// Throws Error if a stage refuses to start.
+RunReport run_in_process(const GraphDescription& graph, const StageTable& table,
+                         const RunOptions& options);
+
+struct LaunchOptions {
+  std::filesystem::path executables;  // folder of the cosegraph-<kind> programs
+  std::function<void(const std::string& stage, const std::string& line)> on_output;
+};
+
+// Starts `cosegraph-<kind>` (or the stage's `exec`) for every stage, restarts those whose policy
+// says so, and stops all in the end. No process outlives the caller's main thread, which must be
+// the one that calls, and nothing is left in /dev/shm. Throws Error if a program cannot be started.
+RunReport run_processes(const GraphDescription& graph, const Catalog& catalog,
+                        const RunOptions& options, const LaunchOptions& launch);
+
+}  // namespace cosegraph::graph

@@ -1,0 +1,47 @@
+// Runs one stage of a graph: its DDS participant, its ports, the join of its inputs, its worker
+// thread and its status. Sources also admit frames within the window and keep the account.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "graph/description.hpp"
+#include "graph/stage.hpp"
+
+namespace cosegraph::graph {
+
+// Topics that belong to the graph rather than to a stage: "GRAPH/frame_done" and so on.
+std::string control_topic(const GraphDescription& graph, std::string_view what);
+
+// Sets the parameters that a graph file gives to `stage`. Throws GraphError with every fault.
+void apply_params(const GraphDescription& graph, const StageNode& node, Stage& stage);
+
+struct RunnerOptions {
+  std::uint32_t generation = 0;      // > 0: started again in the middle of a stream
+  std::vector<std::string> leaves;   // of the graph; needed by its source
+  std::uint32_t shared_memory = 0;   // see ParticipantOptions
+};
+
+class StageRunner {
+ public:
+  // Joins the domain and starts working; parameters must have been applied. Throws Error if DDS
+  // cannot be started or the stage's start() refuses.
+  StageRunner(const GraphDescription& graph, const std::string& name, std::unique_ptr<Stage> stage,
+              const RunnerOptions& options);
+  // Stops and waits for the frame in work.
+  ~StageRunner();
+
+  void request_stop();
+  // The stage has given up (not: a frame of it failed); status() tells why.
+  bool failed() const;
+  idl::StageStatus status() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cosegraph::graph

@@ -1,0 +1,83 @@
+#include "graph/stage_main.hpp"
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <iostream>
+#include <thread>
+
+#include "graph/description.hpp"
+#include "graph/runtime.hpp"
+#include "io/file.hpp"
+
+namespace cosegraph::graph {
+namespace {
+
+GraphDescription read_graph(const std::string& file) {
+  std::vector<Fault> faults;
+  GraphDescription graph = parse(io::read_file(file), file, faults);
+  if (!faults.empty()) throw GraphError(std::move(faults));
+  return graph;
+}
+
+}  // namespace
+
+int stage_main(int argc, char** argv, const std::string& kind, const StageFactory& make) {
+  CLI::App app("One stage of a cosegraph graph: " + make()->summary());
+  app.footer("Usually started by 'cosegraph up'. By hand, in a terminal per stage:\n  cosegraph-" +
+             kind + " --graph segment.yaml --stage " + kind + " --leaves sink");
+  std::string file;
+  std::string name;
+  RunnerOptions options;
+  app.add_option("--graph", file, "graph file")->required()->check(CLI::ExistingFile);
+  app.add_option("--stage", name, "name of the stage in the graph file")->required();
+  app.add_option("--leaves", options.leaves,
+                 "stages that report frames as done, separated by commas")
+      ->delimiter(',')
+      ->required();
+  app.add_option("--generation", options.generation, "how often this stage was started before");
+  app.add_option("--shared-memory", options.shared_memory,
+                 "bytes of shared memory for messages; 0: UDP only");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+
+  // Signals are waited for below; threads started from here on inherit the mask.
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  try {
+    const GraphDescription graph = read_graph(file);
+    const StageNode* node = graph.stage(name);
+    if (node == nullptr) throw ParameterError(file + ": there is no stage '" + name + "'");
+    if (!node->use.empty() && node->use != kind)
+      throw ParameterError(file + ": stage '" + name + "' is a " + node->use + ", not a " + kind);
+    auto stage = make();
+    apply_params(graph, *node, *stage);
+    StageRunner runner(graph, name, std::move(stage), options);
+    for (;;) {
+      const timespec period{.tv_sec = 0, .tv_nsec = 100'000'000};
+      if (sigtimedwait(&signals, nullptr, &period) > 0) return 0;
+      if (runner.failed()) {
+        std::cerr << runner.status().activity << '\n';
+        // Time for the last status to be seen before the participant goes.
+        std::this_thread::sleep_for(std::chrono::milliseconds(500));
+        return 1;
+      }
+    }
+  } catch (const ParameterError& error) {
+    std::cerr << error.what() << '\n';
+    return 2;
+  } catch (const GraphError& error) {
+    std::cerr << error.what() << '\n';
+    return 2;
+  } catch (const std::exception& error) {
+    std::cerr << error.what() << '\n';
+    return 1;
+  }
+}
+
+}  // namespace cosegraph::graph

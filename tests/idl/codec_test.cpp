@@ -1,0 +1,287 @@
+#include "idl/codec.hpp"
+
+#include <gmock/gmock.h>
+
+namespace cosegraph::idl {
+namespace {
+
+using testing::HasSubstr;
+
+const FrameHeader kHeader{.graph = "segment",
+                          .stage = "camera",
+                          .generation = 3,
+                          .source = "camera",
+                          .epoch = 12345678901234ULL,
+                          .sequence = 42,
+                          .stamp = -7,
+                          .model_id = 0xfedcba9876543210ULL,
+                          .name = "mug 1"};
+
+Cloud example_cloud() {
+  return {.xyz = {1, 2, 3, 4, 5, 6},
+          .normal = {0, 0, 1, 0, 1, 0},
+          .label = {1, kNoLabel},
+          .label_names = {"body", "handle"},
+          .origin = {0.5F, 0.0F, -1.0F},
+          .scale = 2.5F,
+          .recipe = "spacing=0.014",
+          .dense_index = {3, kNoPoint},
+          .width = 2,
+          .height = 1};
+}
+
+AppearanceModel example_appearance() {
+  return {.id = 77,
+          .label_names = {"body", "handle"},
+          .label_share = {0.75F, 0.25F},
+          .cloud_recipe = "a=1",
+          .descriptor_recipe = "b=2",
+          .encoding_recipe = "c=3",
+          .channels = {{.name = "fpfh:0.08",
+                        .dimension = 2,
+                        .projection = {.input = 2,
+                                       .output = 1,
+                                       .mean = {0.5F, 0.25F},
+                                       .basis = {1.0F, 0.0F}},
+                        .mixture = {.components = 1,
+                                    .dimension = 1,
+                                    .weight = {1.0F},
+                                    .mean = {0.0F},
+                                    .sigma = {1.0F}},
+                        .block_scale = 2.0F}},
+          .classifier = {.kernel = "linear",
+                         .dimension = 2,
+                         .label_count = 2,
+                         .weight = {1, 2, 3, 4},
+                         .bias = {0.1F, 0.2F}}};
+}
+
+RelationModel example_relations() {
+  const DistanceMixture mixture{.weight = {0.5F, 0.5F}, .mean = {1, 2}, .sigma = {0.1F, 0.2F}};
+  return {.id = 77,
+          .label_names = {"body", "handle"},
+          .spectrum_recipe = "samples=500",
+          .pairs = {mixture, {}, mixture},
+          .neighbours = {1, 1, 1, 1}};
+}
+
+template <class Value>
+Value round_trip(const Value& value) {
+  return decode<Value>(encode(kHeader, value));
+}
+
+TEST(Codec, HeaderSurvivesInFrontOfEveryPayload) {
+  const FrameHeader header = decode_header(encode(kHeader, example_cloud()));
+  EXPECT_EQ(header.graph, kHeader.graph);
+  EXPECT_EQ(header.stage, kHeader.stage);
+  EXPECT_EQ(header.generation, kHeader.generation);
+  EXPECT_EQ(header.source, kHeader.source);
+  EXPECT_EQ(header.epoch, kHeader.epoch);
+  EXPECT_EQ(header.sequence, kHeader.sequence);
+  EXPECT_EQ(header.stamp, kHeader.stamp);
+  EXPECT_EQ(header.model_id, kHeader.model_id);
+  EXPECT_EQ(header.name, kHeader.name);
+}
+
+TEST(Codec, CloudSurvives) {
+  const Cloud before = example_cloud();
+  const Cloud after = round_trip(before);
+  EXPECT_EQ(after.xyz, before.xyz);
+  EXPECT_EQ(after.normal, before.normal);
+  EXPECT_EQ(after.rgb, before.rgb);
+  EXPECT_EQ(after.label, before.label);
+  EXPECT_EQ(after.label_names, before.label_names);
+  EXPECT_EQ(after.origin, before.origin);
+  EXPECT_EQ(after.scale, before.scale);
+  EXPECT_EQ(after.recipe, before.recipe);
+  EXPECT_EQ(after.dense_index, before.dense_index);
+  EXPECT_EQ(after.width, before.width);
+  EXPECT_EQ(after.height, before.height);
+}
+
+TEST(Codec, AdjacencySurvivesFlattening) {
+  const Segments before{.of_supervoxel = {0, 0, 1, 2},
+                        .of_point = {0, 1, 2, 2, 2},
+                        .count = 3,
+                        .adjacency = {{0, 1}, {1, 2}},
+                        .concavity = {0.25F, 1.0F}};
+  const Segments after = round_trip(before);
+  EXPECT_EQ(after.of_supervoxel, before.of_supervoxel);
+  EXPECT_EQ(after.of_point, before.of_point);
+  EXPECT_EQ(after.count, before.count);
+  EXPECT_EQ(after.adjacency, before.adjacency);
+  EXPECT_EQ(after.concavity, before.concavity);
+}
+
+TEST(Codec, DescriptorChannelsSurvive) {
+  const Descriptors before{
+      .recipe = "channels=x",
+      .channels = {{.name = "fpfh:0.08", .dimension = 2, .keypoint = {0, 5}, .value = {1, 2, 3, 4}},
+                   {.name = "shot:0.13", .dimension = 1, .keypoint = {7}, .value = {9}}}};
+  const Descriptors after = round_trip(before);
+  ASSERT_EQ(after.channels.size(), 2U);
+  EXPECT_EQ(after.recipe, before.recipe);
+  for (std::size_t c = 0; c < 2; ++c) {
+    EXPECT_EQ(after.channels[c].name, before.channels[c].name);
+    EXPECT_EQ(after.channels[c].dimension, before.channels[c].dimension);
+    EXPECT_EQ(after.channels[c].keypoint, before.channels[c].keypoint);
+    EXPECT_EQ(after.channels[c].value, before.channels[c].value);
+  }
+}
+
+TEST(Codec, ModelHalvesSurvive) {
+  const AppearanceModel appearance = round_trip(example_appearance());
+  EXPECT_EQ(appearance.id, 77U);
+  EXPECT_EQ(appearance.label_share, example_appearance().label_share);
+  ASSERT_EQ(appearance.channels.size(), 1U);
+  EXPECT_EQ(appearance.channels[0].projection.basis,
+            example_appearance().channels[0].projection.basis);
+  EXPECT_EQ(appearance.classifier.weight, example_appearance().classifier.weight);
+
+  const RelationModel relations = round_trip(example_relations());
+  ASSERT_EQ(relations.pairs.size(), 3U);
+  EXPECT_EQ(relations.pairs[0].mean, example_relations().pairs[0].mean);
+  EXPECT_TRUE(relations.pairs[1].weight.empty());
+  EXPECT_EQ(relations.pairs[2].sigma, example_relations().pairs[2].sigma);
+  EXPECT_EQ(relations.neighbours, example_relations().neighbours);
+}
+
+TEST(Codec, ControlMessagesSurvive) {
+  EXPECT_EQ(round_trip(StreamEnd{9}).count, 9U);
+  EXPECT_EQ(round_trip(FrameFailure{"why"}).reason, "why");
+  const FrameDone done = round_trip(FrameDone{Outcome::failed, "cpc", "no supervoxels"});
+  EXPECT_EQ(done.outcome, Outcome::failed);
+  EXPECT_EQ(done.failed_stage, "cpc");
+  StageStatus status;
+  status.state = State::working;
+  status.account = {.admitted = 5, .labelled = 2, .consumed = 1, .failed = 1, .dropped = 4};
+  const StageStatus seen = round_trip(status);
+  EXPECT_EQ(seen.state, State::working);
+  EXPECT_EQ(seen.account.admitted, 5U);
+  EXPECT_EQ(seen.account.dropped, 4U);
+}
+
+TEST(Codec, SameValueGivesSameBytes) {
+  EXPECT_EQ(encode(kHeader, example_cloud()), encode(kHeader, example_cloud()));
+}
+
+TEST(Codec, EmptyCloudSurvives) {
+  const Cloud after = round_trip(Cloud{.height = 1});
+  EXPECT_EQ(after.size(), 0U);
+}
+
+TEST(Codec, TruncationAtEveryByteIsRefused) {
+  const Bytes whole = encode(kHeader, example_cloud());
+  for (std::size_t length = 0; length < whole.size(); ++length)
+    EXPECT_THROW(decode<Cloud>(std::span(whole).first(length)), InputError) << length;
+}
+
+// What is walked over must be what the generated code writes, for every type.
+template <class Value>
+std::size_t whole_size(const Value& value) {
+  Bytes bytes = encode(kHeader, value);
+  decode<Value>(bytes);
+  std::size_t shortest = bytes.size();
+  while (shortest > 0) {
+    try {
+      decode<Value>(std::span(bytes).first(shortest - 1));
+      --shortest;
+    } catch (const InputError&) {
+      break;
+    }
+  }
+  return bytes.size() - shortest;
+}
+
+TEST(Codec, LayoutsEndWhereMessagesEnd) {
+  EXPECT_EQ(whole_size(example_cloud()), 0U);
+  EXPECT_EQ(whole_size(example_appearance()), 0U);
+  EXPECT_EQ(whole_size(example_relations()), 0U);
+  EXPECT_EQ(whole_size(Segments{.of_supervoxel = {0},
+                                .of_point = {0},
+                                .count = 1,
+                                .adjacency = {{0, 0}},
+                                .concavity = {0.5F}}),
+            0U);
+  EXPECT_EQ(whole_size(Supervoxels{.of_point = {0},
+                                   .centroid = {0, 0, 0},
+                                   .normal = {0, 0, 1},
+                                   .point_count = {1},
+                                   .adjacency = {{0, 0}}}),
+            0U);
+  EXPECT_EQ(whole_size(Descriptors{
+                .recipe = "r",
+                .channels = {{.name = "c", .dimension = 1, .keypoint = {0}, .value = {1.0F}}}}),
+            0U);
+  EXPECT_EQ(whole_size(Spectrum{.recipe = "r",
+                                .sample = {0},
+                                .sample_dense = {0},
+                                .eigenvalue = {1.0F},
+                                .eigenfunction = {1.0F},
+                                .component = {0},
+                                .nearest_sample = {0}}),
+            0U);
+  EXPECT_EQ(whole_size(Encodings{
+                .segment_count = 1, .dimension = 1, .segment = {0}, .value = {1.0F}}),
+            0U);
+  EXPECT_EQ(whole_size(Scores{.label_names = {"a"}, .segment_count = 1, .probability = {1.0F}}),
+            0U);
+  EXPECT_EQ(whole_size(Labelling{.label_names = {"a"},
+                                 .segment_label = {0},
+                                 .segment_confidence = {1.0F},
+                                 .point_label = {0},
+                                 .point_confidence = {1.0F}}),
+            0U);
+  EXPECT_EQ(whole_size(StreamEnd{1}), 0U);
+  EXPECT_EQ(whole_size(FrameFailure{"x"}), 0U);
+  EXPECT_EQ(whole_size(FrameDone{Outcome::failed, "a", "b"}), 0U);
+  EXPECT_EQ(whole_size(StageStatus{.kind = "k", .host = "h", .activity = "a"}), 0U);
+}
+
+// What an array claims to hold is bounded by the bytes that are there.
+TEST(Codec, ImpossibleLengthIsRefusedWithoutAllocatingIt) {
+  Bytes bytes = encode(kHeader, Cloud{.height = 1});
+  // The first sequence length after the header is that of xyz; find it as the first run of zeros
+  // behind the name "mug 1\0" on a 4-byte boundary.
+  const std::string name = "mug 1";
+  const auto at = std::search(bytes.begin(), bytes.end(), name.begin(), name.end());
+  ASSERT_NE(at, bytes.end());
+  std::size_t offset = static_cast<std::size_t>(at - bytes.begin()) + name.size() + 1;
+  while ((offset - 4) % 4 != 0) ++offset;
+  for (int i = 0; i < 4; ++i) bytes[offset + static_cast<std::size_t>(i)] = 0xff;
+  EXPECT_THROW(decode<Cloud>(bytes), InputError);
+}
+
+TEST(Codec, RefusalNamesTypeAndReason) {
+  Cloud cloud = example_cloud();
+  cloud.label = {5, 0};
+  const Bytes bytes = encode(kHeader, cloud);
+  try {
+    decode<Cloud>(bytes);
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("Cloud"));
+    EXPECT_THAT(error.what(), HasSubstr("label 5 has no name"));
+  }
+}
+
+TEST(Codec, IndicesThatPointNowhereAreRefused) {
+  Segments segments{.of_supervoxel = {0, 1}, .of_point = {0, 7}, .count = 2};
+  EXPECT_THROW(round_trip(segments), InputError);
+  Supervoxels supervoxels{.of_point = {0},
+                          .centroid = {0, 0, 0},
+                          .normal = {0, 0, 1},
+                          .point_count = {1},
+                          .adjacency = {{0, 3}}};
+  EXPECT_THROW(round_trip(supervoxels), InputError);
+  Labelling labelling{.label_names = {"a"}, .segment_label = {1}, .segment_confidence = {1.0F}};
+  EXPECT_THROW(round_trip(labelling), InputError);
+}
+
+TEST(Codec, EveryEnumValueHasAName) {
+  for (const auto& [value, name] : names<State>()) EXPECT_EQ(from_name<State>(name), value);
+  for (const auto& [value, name] : names<Outcome>()) EXPECT_EQ(from_name<Outcome>(name), value);
+}
+
+}  // namespace
+}  // namespace cosegraph::idl
