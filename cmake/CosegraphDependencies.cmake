@@ -1,19 +1,13 @@
-# Third-party libraries, each found once. PCL is not taken through its own CMake package: that
+# Third-party libraries of the components; users of the installed package read this file too.
+#
+# PCL is not taken through its own CMake package: that
 # pulls VTK, Qt and MPI into every target. The few libraries used are named here instead.
 
 find_package(Threads REQUIRED)
 find_package(OpenMP REQUIRED COMPONENTS CXX)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs)
-find_package(yaml-cpp REQUIRED)
 find_package(nlohmann_json REQUIRED)
-find_package(CLI11 REQUIRED)
-find_package(spdlog REQUIRED)
-find_package(fastcdr REQUIRED)
-find_package(fastrtps 2.9 REQUIRED)
-if(BUILD_TESTING)
-  find_package(GTest REQUIRED)
-endif()
 
 find_path(PCL_INCLUDE_DIR pcl/point_cloud.h PATH_SUFFIXES pcl-1.13 REQUIRED)
 foreach(part common kdtree octree search features filters segmentation sample_consensus io

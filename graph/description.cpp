@@ -69,6 +69,7 @@ Fields describe(Restart& restart) {
 }
 
 GraphDescription load(const std::filesystem::path& file, const Catalog& catalog) {
+  if (std::filesystem::is_directory(file)) throw GraphError({{file.string(), {}, "is a folder"}});
   std::ifstream stream(file, std::ios::binary);
   if (!stream) throw GraphError({{file.string(), {}, "cannot be opened"}});
   const std::string text{std::istreambuf_iterator<char>(stream), {}};

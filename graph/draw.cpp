@@ -48,10 +48,14 @@ std::string html(std::string_view text) {
   return result;
 }
 
+// The end of a long text, which tells more of a path than its beginning; whole UTF-8 characters.
 std::string shortened(std::string_view text) {
   constexpr std::size_t kLongest = 36;
   if (text.size() <= kLongest) return std::string(text);
-  return "..." + std::string(text.substr(text.size() - kLongest + 3));
+  text.remove_prefix(text.size() - kLongest + 3);
+  while (!text.empty() && (static_cast<unsigned char>(text[0]) & 0xc0) == 0x80)
+    text.remove_prefix(1);
+  return std::string("...").append(text);
 }
 
 // A string of Graphviz's own grammar.

@@ -142,7 +142,7 @@ Cloud take(msg::Cloud& message) {
 template <>
 struct MessageOf<Supervoxels> {
   using Type = msg::Supervoxels;
-  static constexpr std::string_view kLayout = "fffff";
+  static constexpr std::string_view kLayout = "fffff4";
 };
 
 void fill(msg::Supervoxels& message, const Supervoxels& value) {
@@ -151,13 +151,16 @@ void fill(msg::Supervoxels& message, const Supervoxels& value) {
   message.normal(value.normal);
   message.point_count(value.point_count);
   message.adjacency(flatten(value.adjacency));
+  message.scale(value.scale);
 }
 
 Supervoxels take(msg::Supervoxels& message) {
   Supervoxels value{.of_point = std::move(message.of_point()),
                     .centroid = std::move(message.centroid()),
                     .normal = std::move(message.normal()),
-                    .point_count = std::move(message.point_count())};
+                    .point_count = std::move(message.point_count()),
+                    .scale = message.scale()};
+  require(std::isfinite(value.scale) && value.scale > 0.0F, "scale is not positive");
   require(value.centroid.size() % 3 == 0 && value.normal.size() == value.centroid.size() &&
               value.point_count.size() == value.count(),
           "centroids, normals and point counts do not fit together");

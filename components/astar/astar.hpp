@@ -12,8 +12,8 @@
 namespace cosegraph::astar {
 
 enum class Spatial {
-  none,  // appearance only
-  iso,   // with spatial relations and hard neighbourhood constraints
+  none,      // appearance only
+  iso,       // with spatial relations and hard neighbourhood constraints
   iso_free,  // text "iso*": spatial relations without the hard constraints
 };
 
@@ -27,8 +27,8 @@ struct Params {
   Likelihood likelihood = Likelihood::geomean;
   PairwiseScale pairwise_scale = PairwiseScale::segments;
   double pairwise_weight = 1.0;
-  int max_distances = 400;       // per pair of segments
-  int max_open = 2'000'000;      // A*: nodes on the heap
+  int max_distances = 400;   // per pair of segments
+  int max_open = 2'000'000;  // A*: nodes on the heap
 };
 
 Fields describe(Params& params);

@@ -14,7 +14,7 @@ namespace cosegraph::astar {
 
 enum class Likelihood {
   literal,  // (8) as printed: sum of densities
-  geomean,  // exp of the mean log density
+  geomean,  // ours: exp of the mean log(density + 0.001), so that no odd distance alone decides
 };
 
 struct RelationParams {
@@ -48,8 +48,8 @@ std::vector<double> log_pair_posterior(const Spectrum& spectrum,
 // Which labels the reference shows next to each other: L x L, symmetric, 1 on the diagonal. Two
 // labels are neighbours if in some view at least `min_pairs` pairs of points, one of each label,
 // lie within `radius` (times the cloud's scale).
-std::vector<std::uint8_t> observed_neighbours(std::span<const Cloud* const> views,
-                                              int label_count, double radius, int min_pairs);
+std::vector<std::uint8_t> observed_neighbours(std::span<const Cloud* const> views, int label_count,
+                                              double radius, int min_pairs);
 
 }  // namespace cosegraph::astar
 

@@ -1,5 +1,8 @@
 // Exact minimum of a small fully connected pairwise energy by A* (Bergtholdt, Kappes, Schmidt,
 // Schnoerr, IJCV 2010): nodes in order, star-shaped tree on the last node as admissible heuristic.
+// Ours: the energy is first reparametrised by a linear-programming relaxation, which leaves its
+// values as they are and makes the heuristic nearly tight; and nodes that promise no less than a
+// solution found by coordinate descent are not opened.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +16,7 @@ struct Energy {
   int states = 0;
   std::vector<double> unary;     // nodes x states
   std::vector<double> pairwise;  // [pair_index(i, j)][x_i][x_j] for i > j (i the larger node);
-                                 // empty: no pairwise terms
+                                 // empty: no pairwise terms; blocks (i, i) are not used
 
   double& pair(int i, int j, int xi, int xj);  // i != j, in either order
   double pair(int i, int j, int xi, int xj) const;
@@ -29,9 +32,11 @@ struct Solution {
 };
 
 // When the heap would hold more than `max_open` nodes, the search stops: the answer is then the
-// best of the most promising node completed greedily and the nodes' best unary states improved by
-// coordinate descent, and `gap` is its energy minus the lowest f on the heap. 0 nodes: an empty,
-// optimal solution. Throws InputError on sizes that do not fit or values that are NaN or -inf.
+// best of the most promising node completed greedily and the nodes' best unary states (after the
+// reparametrisation) improved by coordinate descent, and `gap` is its energy minus the lowest f on
+// the heap. 0 nodes: an empty, optimal solution. "Optimal" is up to rounding: 1e-10 of the energy.
+// Values may be +inf (forbidden): the energy is +inf if nothing else is left. Throws InputError on
+// sizes that do not fit or values that are NaN or -inf.
 Solution minimise(const Energy& energy, std::int64_t max_open);
 
 }  // namespace cosegraph::astar

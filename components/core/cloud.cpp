@@ -1,22 +1,25 @@
 #include "core/cloud.hpp"
 
 #include <Eigen/Geometry>
+#include <cmath>
 
 namespace cosegraph {
 namespace {
 
-void require(bool fine, const std::string& what) {
+void require(bool fine, const char* what) {
   if (!fine) throw InputError(what);
 }
 
 void check_labels(const std::vector<std::int32_t>& label, std::size_t expected,
                   const std::vector<std::string>& names, const char* what) {
-  require(label.empty() || label.size() == expected,
-          std::to_string(label.size()) + " labels for " + std::to_string(expected) + " " + what);
+  if (!label.empty() && label.size() != expected)
+    throw InputError(std::to_string(label.size()) + " labels for " + std::to_string(expected) +
+                     " " + what);
   require(label.empty() == names.empty(), "labels without names, or names without labels");
   const auto count = static_cast<std::int32_t>(names.size());
   for (const std::int32_t value : label)
-    require(value >= kNoLabel && value < count, "label " + std::to_string(value) + " has no name");
+    if (value < kNoLabel || value >= count)
+      throw InputError("label " + std::to_string(value) + " has no name");
 }
 
 }  // namespace
@@ -33,14 +36,36 @@ void check_sizes(const Cloud& cloud) {
   check_labels(cloud.label, size, cloud.label_names, "points");
 }
 
+Cloud finite_points(const Cloud& cloud) {
+  Cloud result{.label_names = cloud.label_names,
+               .origin = cloud.origin,
+               .scale = cloud.scale,
+               .recipe = cloud.recipe};
+  const auto copy_point = [](const std::vector<float>& from, std::size_t i,
+                             std::vector<float>& to) {
+    if (!from.empty()) to.insert(to.end(), &from[3 * i], &from[3 * i] + 3);
+  };
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const float* p = &cloud.xyz[3 * i];
+    if (!std::isfinite(p[0]) || !std::isfinite(p[1]) || !std::isfinite(p[2])) continue;
+    copy_point(cloud.xyz, i, result.xyz);
+    copy_point(cloud.normal, i, result.normal);
+    copy_point(cloud.rgb, i, result.rgb);
+    if (!cloud.label.empty()) result.label.push_back(cloud.label[i]);
+    if (!cloud.dense_index.empty()) result.dense_index.push_back(cloud.dense_index[i]);
+  }
+  result.width = static_cast<std::uint32_t>(result.size());
+  return result;
+}
+
 void check_sizes(const Mesh& mesh) {
   require(mesh.vertex.size() % 3 == 0, "the number of coordinates is not a multiple of 3");
   require(mesh.face.size() % 3 == 0, "the number of face corners is not a multiple of 3");
   const auto count = static_cast<std::int32_t>(mesh.vertex_count());
   for (std::size_t i = 0; i < mesh.face.size(); ++i)
-    require(mesh.face[i] >= 0 && mesh.face[i] < count,
-            "face " + std::to_string(i / 3) + " names vertex " + std::to_string(mesh.face[i]) +
-                " of " + std::to_string(count));
+    if (mesh.face[i] < 0 || mesh.face[i] >= count)
+      throw InputError("face " + std::to_string(i / 3) + " names vertex " +
+                       std::to_string(mesh.face[i]) + " of " + std::to_string(count));
   check_labels(mesh.face_label, mesh.face_count(), mesh.label_names, "faces");
 }
 

@@ -46,12 +46,15 @@ struct Cloud {
 // height). Does not look at coordinates.
 void check_sizes(const Cloud& cloud);
 
+// The points of `cloud` with finite coordinates, in order, as an unorganised cloud.
+Cloud finite_points(const Cloud& cloud);
+
 // A triangle mesh with one label per face.
 struct Mesh {
-  std::vector<float> vertex;               // 3V
-  std::vector<std::int32_t> face;          // 3F vertex indices, counter-clockwise from outside
-  std::vector<std::int32_t> face_label;    // F, or empty
-  std::vector<std::string> label_names;    // empty exactly if face_label is empty
+  std::vector<float> vertex;             // 3V
+  std::vector<std::int32_t> face;        // 3F vertex indices, counter-clockwise from outside
+  std::vector<std::int32_t> face_label;  // F, or empty
+  std::vector<std::string> label_names;  // empty exactly if face_label is empty
 
   std::size_t vertex_count() const { return vertex.size() / 3; }
   std::size_t face_count() const { return face.size() / 3; }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <set>
+#include <utility>
 
 namespace cosegraph {
 namespace {
@@ -25,10 +27,12 @@ std::string shortest(double value) {
 template <class T>
 T parse(const std::string& text, const char* what) {
   T value{};
-  const char* begin = text.data() + (text.starts_with('+') ? 1 : 0);
-  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size())
-    throw ParameterError("'" + text + "' is not " + what);
+  const char* last = text.data() + text.size();
+  const bool plus = text.starts_with('+') && !text.starts_with("+-");
+  const auto [end, error] = std::from_chars(text.data() + (plus ? 1 : 0), last, value);
+  if (error == std::errc::result_out_of_range && end == last)
+    throw ParameterError("'" + text + "' is too large or too small to be " + what);
+  if (error != std::errc() || end != last) throw ParameterError("'" + text + "' is not " + what);
   return value;
 }
 
@@ -41,6 +45,69 @@ std::vector<std::string> all_names(const Fields& fields) {
   std::vector<std::string> result;
   for (const auto& field : fields) result.push_back(field.name);
   return result;
+}
+
+// A value inside a recipe: separators are escaped, an empty element of a list is "\\0".
+std::string escaped(const std::string& value) {
+  std::string result;
+  for (const char c : value) {
+    if (c == '\\' || c == ';' || c == ',') result += '\\';
+    result += c;
+  }
+  return result;
+}
+
+std::string unescaped(std::string_view text) {
+  std::string result;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool escape = text[i] == '\\' && i + 1 < text.size();
+    if (escape && text[++i] == '0') continue;
+    result += text[i];
+  }
+  return result;
+}
+
+// The pieces between separators that are not escaped; none of an empty text.
+std::vector<std::string_view> split(std::string_view text, char separator) {
+  if (text.empty()) return {};
+  std::vector<std::string_view> result;
+  std::size_t begin = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '\\') {
+      ++i;
+    } else if (text[i] == separator) {
+      result.push_back(text.substr(begin, i - begin));
+      begin = i + 1;
+    }
+  }
+  result.push_back(text.substr(begin));
+  return result;
+}
+
+Text recipe_elements(FieldType type, std::string_view value) {
+  if (type != FieldType::list) return {unescaped(value)};
+  Text result;
+  for (const auto element : split(value, ',')) result.push_back(unescaped(element));
+  return result;
+}
+
+// Fewest insertions, deletions, substitutions and swaps of neighbours, no letter edited twice
+// (optimal string alignment), one row of the table at a time.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> before_last;
+  std::vector<std::size_t> last(b.size() + 1);
+  std::iota(last.begin(), last.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::vector<std::size_t> row(b.size() + 1, i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t substituted = last[j] + (a[i] == b[j] ? 0 : 1);
+      row[j + 1] = std::min({last[j + 1] + 1, row[j] + 1, substituted});
+      if (i > 0 && j > 0 && a[i] == b[j - 1] && a[i - 1] == b[j])
+        row[j + 1] = std::min(row[j + 1], before_last[j - 1] + 1);
+    }
+    before_last = std::exchange(last, std::move(row));
+  }
+  return last.back();
 }
 
 }  // namespace
@@ -158,40 +225,33 @@ void set_field(const Fields& fields, std::string_view name, const Text& value) {
 
 std::string recipe(const Fields& fields) {
   std::string result;
-  for (const auto& field : fields)
-    result += (result.empty() ? "" : ";") + field.name + "=" + field.text();
+  for (const auto& field : fields) {
+    std::string value;
+    for (const auto& element : field.get()) {
+      if (!value.empty()) value += ',';
+      value += element.empty() && field.type == FieldType::list ? "\\0" : escaped(element);
+    }
+    result += (result.empty() ? "" : ";") + field.name + "=" + value;
+  }
   return result;
 }
 
 void apply_recipe(const Fields& fields, std::string_view text) {
-  std::size_t count = 0;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find(';', begin), text.size());
-    const std::string_view item = text.substr(begin, end - begin);
+  std::set<std::string_view> given;
+  for (const auto item : split(text, ';')) {
     const std::size_t equals = item.find('=');
     if (equals == std::string_view::npos)
       throw ParameterError("recipe item '" + std::string(item) + "' has no '='");
     const std::string_view name = item.substr(0, equals);
-    const std::string_view value = item.substr(equals + 1);
+    if (!given.insert(name).second)
+      throw ParameterError("recipe gives '" + std::string(name) + "' twice");
     const Field* field = find(fields, name);
-    Text elements;
-    if (field != nullptr && field->type == FieldType::list) {
-      for (std::size_t at = 0; at < value.size();) {
-        const std::size_t comma = std::min(value.find(',', at), value.size());
-        elements.emplace_back(value.substr(at, comma - at));
-        at = comma + 1;
-      }
-    } else {
-      elements.emplace_back(value);
-    }
-    set_field(fields, name, elements);
-    ++count;
-    begin = end + 1;
+    const FieldType type = field == nullptr ? FieldType::text : field->type;
+    set_field(fields, name, recipe_elements(type, item.substr(equals + 1)));
   }
-  if (count != fields.size())
-    throw ParameterError("recipe has " + std::to_string(count) + " values where " +
-                         std::to_string(fields.size()) + " are needed: '" + std::string(text) +
-                         "'");
+  for (const auto& field : fields)
+    if (!given.contains(field.name))
+      throw ParameterError("recipe lacks '" + field.name + "': '" + std::string(text) + "'");
 }
 
 std::optional<std::string> nearest_name(std::string_view word,
@@ -199,21 +259,10 @@ std::optional<std::string> nearest_name(std::string_view word,
   std::optional<std::string> best;
   std::size_t best_distance = std::max<std::size_t>(1, word.size() / 3) + 1;
   for (const auto& candidate : candidates) {
-    std::vector<std::size_t> row(candidate.size() + 1);  // Levenshtein, one row at a time
-    std::iota(row.begin(), row.end(), std::size_t{0});
-    for (std::size_t i = 0; i < word.size(); ++i) {
-      std::size_t diagonal = row[0];
-      row[0] = i + 1;
-      for (std::size_t j = 0; j < candidate.size(); ++j) {
-        const std::size_t substituted = diagonal + (word[i] == candidate[j] ? 0 : 1);
-        diagonal = row[j + 1];
-        row[j + 1] = std::min({row[j + 1] + 1, row[j] + 1, substituted});
-      }
-    }
-    if (row.back() < best_distance) {
-      best_distance = row.back();
-      best = candidate;
-    }
+    const std::size_t distance = edit_distance(word, candidate);
+    if (distance >= std::min(best_distance, std::max(word.size(), candidate.size()))) continue;
+    best_distance = distance;
+    best = candidate;
   }
   return best;
 }

@@ -74,14 +74,17 @@ const Field* find(const Fields& fields, std::string_view name);
 // unknown name.
 void set_field(const Fields& fields, std::string_view name, const std::vector<std::string>& value);
 
-// The canonical text of all values, "name=value;name=value". Two Params objects are equal exactly
-// if their recipes are: results made with different recipes are not comparable.
+// The canonical text of all values, "name=value;name=value", list elements separated by ','; in a
+// value '\\', ';' and ',' have a '\\' before them. Two Params objects are equal exactly if their
+// recipes are: results made with different recipes are not comparable.
 std::string recipe(const Fields& fields);
 
-// Sets all fields from a recipe. Throws ParameterError on an unknown or missing name.
+// Sets all fields from a recipe. Throws ParameterError on an unknown, missing or repeated name or a
+// bad value; the fields before it are then set already.
 void apply_recipe(const Fields& fields, std::string_view text);
 
-// The candidate nearest to `word` by edit distance, for "did you mean"; none if all are far.
+// The candidate nearest to `word` by edit distance (a swap of neighbours counts once), for "did you
+// mean"; the first of equally near ones, none if all are far.
 std::optional<std::string> nearest_name(std::string_view word,
                                         const std::vector<std::string>& candidates);
 

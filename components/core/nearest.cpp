@@ -24,11 +24,18 @@ using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<
                                                    Points, 3, std::uint32_t>;
 using Neighbour = NearestNeighbours::Neighbour;
 
+// The tree's lower bounds of distances carry rounding errors of a few units in the last place, so
+// it is asked for slightly more than is wanted; what it offers is then compared exactly.
+float with_slack(float squared_distance) {
+  constexpr float kMax = std::numeric_limits<float>::max();
+  return std::min(kMax, std::nextafter(squared_distance * (1.0F + 1e-5F), kMax));
+}
+
 bool closer(const Neighbour& a, const Neighbour& b) {
   return std::tie(a.squared_distance, a.index) < std::tie(b.squared_distance, b.index);
 }
 
-// Keeps the k nearest of what the tree offers, with ties at the k-th distance resolved by index.
+// Keeps the k nearest of what the tree offers, ties by index.
 class NearestSet {
  public:
   using DistanceType = float;
@@ -44,10 +51,9 @@ class NearestSet {
     }
     return true;
   }
-  // Slightly beyond the k-th distance, so that a tie is still offered.
   float worstDist() const {
     if (heap_.size() < capacity_) return std::numeric_limits<float>::max();
-    return std::nextafter(heap_.front().squared_distance, std::numeric_limits<float>::max());
+    return with_slack(heap_.front().squared_distance);
   }
   bool full() const { return heap_.size() == capacity_; }
   std::size_t size() const { return heap_.size(); }
@@ -79,7 +85,9 @@ NearestNeighbours::~NearestNeighbours() = default;
 NearestNeighbours::NearestNeighbours(NearestNeighbours&&) noexcept = default;
 NearestNeighbours& NearestNeighbours::operator=(NearestNeighbours&&) noexcept = default;
 
-std::size_t NearestNeighbours::size() const { return tree_->points.kdtree_get_point_count(); }
+std::size_t NearestNeighbours::size() const {
+  return tree_->points.kdtree_get_point_count();
+}
 
 std::vector<Neighbour> NearestNeighbours::nearest(const float* query, std::size_t k) const {
   k = std::min(k, size());
@@ -94,14 +102,15 @@ std::int32_t NearestNeighbours::nearest_index(const float* query) const {
 }
 
 std::vector<Neighbour> NearestNeighbours::within(const float* query, float radius) const {
-  if (size() == 0) return {};
+  if (size() == 0 || radius < 0.0F) return {};
+  const float limit = radius * radius;
   std::vector<std::pair<std::uint32_t, float>> found;
-  const float reach = std::nextafter(radius * radius, std::numeric_limits<float>::max());
-  tree_->tree.radiusSearch(query, reach, found, nanoflann::SearchParams(0, 0.0F, false));
+  tree_->tree.radiusSearch(query, with_slack(limit), found,
+                           nanoflann::SearchParams(0, 0.0F, false));
   std::vector<Neighbour> result;
   result.reserve(found.size());
   for (const auto& [index, squared] : found)
-    result.push_back({static_cast<std::int32_t>(index), squared});
+    if (squared <= limit) result.push_back({static_cast<std::int32_t>(index), squared});
   std::ranges::sort(result, closer);
   return result;
 }

@@ -29,7 +29,7 @@ class NearestNeighbours {
   std::vector<Neighbour> nearest(const float* query, std::size_t k) const;
   // Index of the nearest point; N must not be 0.
   std::int32_t nearest_index(const float* query) const;
-  // All points within `radius`.
+  // All points within `radius` (squared_distance <= radius * radius); none if it is negative.
   std::vector<Neighbour> within(const float* query, float radius) const;
 
  private:

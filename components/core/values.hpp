@@ -15,11 +15,12 @@ namespace cosegraph {
 
 // Supervoxels of a frame's `dense` cloud.
 struct Supervoxels {
-  std::vector<std::int32_t> of_point;  // per dense point, 0 .. count-1 (every point has one)
-  std::vector<float> centroid;         // 3S
-  std::vector<float> normal;           // 3S, unit, toward the sensor
-  std::vector<std::int32_t> point_count;                // S
-  std::vector<std::array<std::int32_t, 2>> adjacency;   // pairs a < b, sorted, unique
+  std::vector<std::int32_t> of_point;     // per dense point, 0 .. count-1 (every point has one)
+  std::vector<float> centroid;            // 3S
+  std::vector<float> normal;              // 3S, unit, toward the sensor
+  std::vector<std::int32_t> point_count;  // S
+  std::vector<std::array<std::int32_t, 2>> adjacency;  // pairs a < b, sorted, unique
+  float scale = 1.0F;                                  // of the cloud: Cloud::scale
 
   std::size_t count() const { return centroid.size() / 3; }
 };
@@ -35,10 +36,10 @@ struct Segments {
 
 // Local descriptors of one kind at one radius.
 struct DescriptorChannel {
-  std::string name;                      // descriptors::to_text(Channel), as "fpfh:0.08"
+  std::string name;  // descriptors::to_text(Channel), as "fpfh:0.08"
   std::int32_t dimension = 0;
-  std::vector<std::int32_t> keypoint;    // indices into the frame's `cloud`, ascending
-  std::vector<float> value;              // keypoint.size() x dimension; all finite
+  std::vector<std::int32_t> keypoint;  // indices into the frame's `cloud`, ascending
+  std::vector<float> value;            // keypoint.size() x dimension; all finite
 };
 
 struct Descriptors {
@@ -57,31 +58,33 @@ struct Encodings {
 // Appearance posterior p(l | T_i) per segment; rows sum to 1.
 struct Scores {
   std::vector<std::string> label_names;
+  std::int32_t majority = 0;  // the reference's most frequent label: the floor for any method
   std::int32_t segment_count = 0;
   std::vector<float> probability;  // segment_count x label_names.size()
 };
 
 // Laplace-Beltrami eigenpairs of a frame's `cloud`, sampled.
 struct Spectrum {
-  std::string recipe;                      // of spectra::Params
-  std::vector<std::int32_t> sample;        // M indices into `cloud`, ascending
-  std::vector<std::int32_t> sample_dense;  // the same samples as indices into `dense`
-  std::vector<float> eigenvalue;           // E, ascending, without the zero mode; 1 / scale^2
-  std::vector<float> eigenfunction;        // M x E, row = sample
-  std::vector<std::int32_t> component;     // M: connected piece of the surface
+  std::string recipe;                        // of spectra::Params
+  std::vector<std::int32_t> sample;          // M indices into `cloud`, ascending
+  std::vector<std::int32_t> sample_dense;    // the same samples as indices into `dense`
+  std::vector<float> eigenvalue;             // E, ascending, without the zero mode; 1 / scale^2
+  std::vector<float> eigenfunction;          // M x E, row = sample
+  std::vector<std::int32_t> component;       // M: connected piece of the surface
   std::vector<std::int32_t> nearest_sample;  // per `cloud` point, 0 .. M-1
 };
 
 // The answer for one frame.
 struct Labelling {
   std::vector<std::string> label_names;
-  std::vector<std::int32_t> segment_label;   // per segment
-  std::vector<float> segment_confidence;     // per segment, p(l | T_i) of the chosen label
-  std::vector<std::int32_t> point_label;     // per dense point
-  std::vector<float> point_confidence;       // per dense point
-  double energy = 0.0;                       // (1) at the answer, without the constraint penalties
+  std::int32_t majority = 0;                // of Scores
+  std::vector<std::int32_t> segment_label;  // per segment
+  std::vector<float> segment_confidence;    // per segment, p(l | T_i) of the chosen label
+  std::vector<std::int32_t> point_label;    // per dense point
+  std::vector<float> point_confidence;      // per dense point
+  double energy = 0.0;                      // (1) at the answer, without the constraint penalties
   bool proven_optimal = false;
-  double gap = 0.0;          // upper bound on energy minus the minimum; 0 if proven
+  double gap = 0.0;             // upper bound on energy minus the minimum; 0 if proven
   std::int32_t violations = 0;  // adjacent segment pairs whose labels the reference never shows
   std::int64_t expansions = 0;  // nodes A* expanded
 };
@@ -108,8 +111,8 @@ struct Classifier {
   std::string kernel;  // "linear" or "rbf"
   std::int32_t dimension = 0;
   std::int32_t label_count = 0;
-  std::vector<float> weight;   // linear: label_count x dimension
-  std::vector<float> support;  // rbf: V x dimension
+  std::vector<float> weight;       // linear: label_count x dimension
+  std::vector<float> support;      // rbf: V x dimension
   std::vector<float> coefficient;  // rbf: label_count x V
   std::vector<float> bias;         // label_count
   double gamma = 0.0;              // rbf: exp(-gamma |x - v|^2)
@@ -117,7 +120,7 @@ struct Classifier {
 };
 
 struct AppearanceChannel {
-  std::string name;  // of the DescriptorChannel it was learned from
+  std::string name;            // of the DescriptorChannel it was learned from
   std::int32_t dimension = 0;  // of that channel
   Projection projection;
   GaussianMixture mixture;
@@ -125,11 +128,12 @@ struct AppearanceChannel {
 };
 
 struct AppearanceModel {
-  std::uint64_t id = 0;  // one id for both halves of a model; never 0 once trained
-  std::vector<std::string> label_names;
-  std::string cloud_recipe;       // what the training clouds had
-  std::string descriptor_recipe;  // what the training descriptors had
-  std::string encoding_recipe;    // of fisher::Encoding
+  std::uint64_t id = 0;                  // one id for both halves of a model; never 0 once trained
+  std::vector<std::string> label_names;  // L, sorted
+  std::vector<float> label_share;        // L: fraction of the training points, sums to 1
+  std::string cloud_recipe;              // what the training clouds had
+  std::string descriptor_recipe;         // what the training descriptors had
+  std::string encoding_recipe;           // of fisher::Encoding
   std::vector<AppearanceChannel> channels;
   Classifier classifier;
 };

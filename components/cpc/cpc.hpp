@@ -1,5 +1,7 @@
 // Constrained Planar Cuts: Schoeler, Papon, Woergoetter, CVPR 2015, with the merging of small
 // fragments in ascending order of concavity (Araslanov et al., GCPR 2016, section 3.2).
+//
+// The cuts are PCL's, with its fixed RANSAC seed; the merging is ours.
 #pragma once
 
 #include <cstdint>
@@ -16,22 +18,22 @@ enum class Merge {
 };
 
 struct Params {
-  double concavity_tolerance = 5.0;
-  bool sanity_check = true;
-  int max_cuts = 25;
-  int min_cut_edges = 10;
-  double min_cut_score = 0.16;
+  double concavity_tolerance = 5.0;  // angle up to which a concave edge still counts as convex
+  bool sanity_check = true;          // edges along the crease count as concave
+  int max_cuts = 25;                 // levels of recursive cutting
+  int min_cut_edges = 10;            // segments with fewer edges are not cut
+  double min_cut_score = 0.16;       // fraction of concave edges a cut must gather
   int ransac_iterations = 500;
-  int min_segment = 3;
+  int min_segment = 3;  // segments of fewer supervoxels are merged
   Merge merge = Merge::concavity;
-  double seed_resolution = 0.05;  // of the supervoxels: CPC's RANSAC inlier distance
+  double seed_resolution = 0.045;  // of the supervoxels: CPC's RANSAC inlier distance
 };
 
 Fields describe(Params& params);
 
 // Partitions the supervoxels of `dense`-scale `scale` (Cloud::scale). Segment ids are 0 .. count-1
-// in the order of their first supervoxel. The same bytes at every call. Throws InputError if
-// `supervoxels` is empty.
+// in the order of their first supervoxel. The same bytes at every call, from any thread. Throws
+// InputError if `supervoxels` is empty or inconsistent.
 Segments compute(const Supervoxels& supervoxels, float scale, const Params& params);
 
 // True where supervoxels a and b meet in a concave edge: n1.d - n2.d < 0, d = (x1-x2)/|x1-x2|.
@@ -40,9 +42,15 @@ bool is_concave(const Supervoxels& supervoxels, std::int32_t a, std::int32_t b);
 // Merges every segment of fewer than `min_segment` supervoxels in ascending order of concavity
 // score (fraction of concave edges on the shared boundary); ties by the smaller segment id, then
 // by the smaller neighbour id. `segment` holds an id per supervoxel and is changed in place.
-// A small segment without neighbours stays.
+// Scores are those of the current segments: they are counted anew after every merge. The merged
+// segment takes its neighbour's id. A small segment without neighbours stays.
 void merge_by_concavity(const Supervoxels& supervoxels, int min_segment,
                         std::span<std::int32_t> segment);
+
+// The original rule: segments in the order of their first supervoxel, each small one into its
+// largest neighbour (ties: the smaller id), until none is left that has a neighbour.
+void merge_by_size(const Supervoxels& supervoxels, int min_segment,
+                   std::span<std::int32_t> segment);
 
 }  // namespace cosegraph::cpc
 

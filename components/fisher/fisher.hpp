@@ -27,9 +27,9 @@ struct Encoding {
   Method method = Method::fv;
   BowForm bow = BowForm::posterior;
   Pool pool = Pool::packet;
-  double alpha = 0.5;      // power normalisation sign(z)|z|^alpha, after averaging; 1: none
-  bool l2 = false;         // each channel's block scaled to unit length
-  int cluster_points = 25; // keypoints of a cluster: the nearest of the same part or segment
+  double alpha = 0.5;       // power normalisation sign(z)|z|^alpha, after averaging; 1: none
+  bool l2 = false;          // each channel's block scaled to unit length
+  int cluster_points = 25;  // keypoints of a cluster: the nearest of the same part or segment
   int packet_clusters = 5;
 };
 
@@ -51,8 +51,8 @@ struct Packets {
 };
 
 struct Draw {
-  int clusters = 40;       // per part and view
-  int packets = 20;        // per part and view
+  int clusters = 40;  // per part and view
+  int packets = 20;   // per part and view
   std::uint64_t seed = 1;
 };
 
@@ -64,6 +64,9 @@ struct Draw {
 std::vector<Packets> draw_packets(std::span<const float> xyz, std::span<const std::int32_t> group,
                                   std::int32_t which, std::span<const DescriptorChannel> channels,
                                   const Encoding& encoding, const Draw& draw);
+
+// Adds the clusters and packets of `more` behind those of `packets`.
+void append(Packets& packets, const Packets& more);
 
 // The packet vectors: packets x sum of block sizes, each block power-normalised and multiplied by
 // its channel's block_scale. `projected[c]` are the rows of channel c after its projection.

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "core/values.hpp"
 
@@ -26,6 +27,9 @@ std::vector<float> log_likelihood(const GaussianMixture& mixture, std::span<cons
 
 // Soft assignments gamma_t(k), eq. (6): N x K, computed in the log domain.
 std::vector<float> posteriors(const GaussianMixture& mixture, std::span<const float> samples);
+
+// log(w_k N(m_t | mu_k, Sigma_k)): N x K.
+std::vector<float> log_components(const GaussianMixture& mixture, std::span<const float> samples);
 
 // The `output` leading principal components of the samples. output >= dimension: a rotation only.
 Projection fit_projection(std::span<const float> samples, int dimension, int output);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -39,7 +40,8 @@ struct Config {
 // or "best". Throws ParameterError that lists what is possible.
 Config config_from_name(std::string_view name);
 
-// Parameters of source, descriptors and spectra as the model was trained with them.
+// Sets the parameters of source, descriptors and spectra to what the model was trained with.
+// Without part relations in the model the spatial term is switched off.
 void adopt_model(const Model& model, Config& config);
 
 struct Features {
@@ -55,6 +57,12 @@ Features extract(Cloud input, const Config& config, Times* times = nullptr);
 
 Model train(std::span<const Cloud> labelled_views, const Config& config,
             const training::Progress& progress = {});
+
+// The two halves of segment(), for loops that label the same view with many models.
+Segments presegment(const Features& features, const Config& config, Supervoxels& supervoxels,
+                    Times* times = nullptr);
+Labelling label(const Features& features, const Segments& segments, const Model& model,
+                const Config& config, Scores& scores, Times* times = nullptr);
 
 struct Result {
   Features features;

@@ -22,6 +22,7 @@ Labelled to_input(const Cloud& input, const Labelling& labelling);
 struct Evaluation {
   std::int64_t points = 0;
   double accuracy = 0.0;
+  double floor = 0.0;   // all points given labelling.majority, the reference's most frequent label
   double oracle = 0.0;  // each segment given its most frequent true label
   std::vector<std::string> unknown;  // true labels that the model lacks
 };

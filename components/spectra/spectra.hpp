@@ -21,7 +21,7 @@ struct Params {
   int samples = 500;             // points the operator is built on
   int eigenpairs = 25;           // without the zero mode
   int neighbours = 16;           // of a point's one-ring or least-squares patch
-  double bridge = 0.01;          // weight of the edges that connect separate pieces
+  double bridge = 0.3;           // weight of the edges that connect separate pieces
 };
 
 Fields describe(Params& params);

@@ -27,8 +27,8 @@ Fields describe(TrainParams& params);
 // `vectors` is N x dimension, `label` N indices below label_count. kernel must not be `automatic`.
 // Throws InputError if a label below label_count has no vector, or a value is not finite. With one
 // label the classifier always answers it.
-Classifier train(std::span<const float> vectors, int dimension,
-                 std::span<const std::int32_t> label, int label_count, const TrainParams& params);
+Classifier train(std::span<const float> vectors, int dimension, std::span<const std::int32_t> label,
+                 int label_count, const TrainParams& params);
 
 // Margins of N vectors: N x label_count.
 std::vector<float> margins(const Classifier& classifier, std::span<const float> vectors);

@@ -20,7 +20,8 @@ struct Params {
   fisher::Draw draw;
   svm::TrainParams svm;
   astar::RelationParams relations;
-  int projection = 64;  // channels of more dimensions are reduced to this many; 0: never
+  int projection = 64;             // channels of more dimensions are reduced to this many; 0: never
+  int mixture_samples = 20000;     // descriptors per channel for projection and mixture, at most
   double neighbour_radius = 0.03;  // observed neighbourhoods
   int neighbour_pairs = 5;
 };

@@ -1,0 +1,122 @@
+#include "sink/results.hpp"
+
+#include <nlohmann/json.hpp>
+
+namespace cosegraph::sink {
+namespace {
+
+// A value per dense point, carried to the input's points.
+std::vector<std::int32_t> on_input(const Cloud& input, const std::vector<std::int32_t>& dense) {
+  std::vector<std::int32_t> result(input.size(), kNoLabel);
+  for (std::size_t i = 0; i < result.size(); ++i)
+    if (const std::int32_t d = input.dense_index[i]; d != kNoPoint) result[i] = dense.at(d);
+  return result;
+}
+
+std::string percent(double fraction) {
+  char text[16];
+  std::snprintf(text, sizeof text, "%.1f %%", 100.0 * fraction);
+  return text;
+}
+
+}  // namespace
+
+Result result_of(const std::string& name, const Cloud& input, const Segments& segments,
+                 const Labelling& labelling) {
+  Result result{.name = name,
+                .points = static_cast<std::int64_t>(input.size()),
+                .segments = segments.count,
+                .label_names = labelling.label_names,
+                .points_per_label = std::vector<std::int64_t>(labelling.label_names.size()),
+                .energy = labelling.energy,
+                .proven_optimal = labelling.proven_optimal,
+                .gap = labelling.gap,
+                .violations = labelling.violations,
+                .evaluation = evaluate(input, segments, labelling)};
+  double confidence = 0.0;
+  for (const std::int32_t d : input.dense_index) {
+    if (d == kNoPoint || labelling.point_label.at(d) == kNoLabel) continue;
+    ++result.labelled_points;
+    ++result.points_per_label[labelling.point_label[d]];
+    confidence += labelling.point_confidence[d];
+  }
+  if (result.labelled_points > 0)
+    result.mean_confidence = confidence / static_cast<double>(result.labelled_points);
+  return result;
+}
+
+std::string results_json(std::span<const Result> results) {
+  nlohmann::ordered_json frames = nlohmann::ordered_json::array();
+  double accuracy = 0.0;
+  double floor = 0.0;
+  double oracle = 0.0;
+  int evaluated = 0;
+  for (const auto& result : results) {
+    nlohmann::ordered_json frame{{"name", result.name},
+                                 {"points", result.points},
+                                 {"labelled_points", result.labelled_points},
+                                 {"segments", result.segments}};
+    nlohmann::ordered_json labels = nlohmann::ordered_json::object();
+    for (std::size_t l = 0; l < result.label_names.size(); ++l)
+      labels[result.label_names[l]] = result.points_per_label[l];
+    frame["points_per_label"] = std::move(labels);
+    frame["mean_confidence"] = result.mean_confidence;
+    frame["energy"] = result.energy;
+    frame["proven_optimal"] = result.proven_optimal;
+    frame["gap"] = result.gap;
+    frame["violations"] = result.violations;
+    if (const auto& truth = result.evaluation) {
+      frame["accuracy"] = truth->accuracy;
+      frame["majority_floor"] = truth->floor;
+      frame["oracle"] = truth->oracle;
+      frame["unknown_labels"] = truth->unknown;
+      accuracy += truth->accuracy;
+      floor += truth->floor;
+      oracle += truth->oracle;
+      ++evaluated;
+    }
+    frames.push_back(std::move(frame));
+  }
+  nlohmann::ordered_json all{{"frames", std::move(frames)}};
+  if (evaluated > 0)
+    all["mean"] = {{"frames", evaluated},
+                   {"accuracy", accuracy / evaluated},
+                   {"majority_floor", floor / evaluated},
+                   {"oracle", oracle / evaluated}};
+  return all.dump(2) + "\n";
+}
+
+std::string picture_of(const PictureOf& frame) {
+  const Labelling& labelling = *frame.labelling;
+  const auto evaluation = evaluate(*frame.input, *frame.segments, labelling);
+  std::vector<Panel> panels;
+  if (frame.reference != nullptr)
+    panels.push_back({.title = "reference",
+                      .subtitle = "labelled by hand",
+                      .cloud = frame.reference,
+                      .group = frame.reference->label,
+                      .names = frame.reference->label_names});
+  panels.push_back({.title = "query",
+                    .subtitle = frame.name,
+                    .cloud = frame.input,
+                    .group = std::vector<std::int32_t>(frame.input->size(), kNoLabel)});
+  panels.push_back({.title = "segments",
+                    .subtitle = std::to_string(frame.segments->count) + " part candidates",
+                    .cloud = frame.input,
+                    .group = on_input(*frame.input, frame.segments->of_point)});
+  panels.push_back({.title = "labels",
+                    .subtitle = evaluation ? "accuracy " + percent(evaluation->accuracy) : "",
+                    .cloud = frame.input,
+                    .group = on_input(*frame.input, labelling.point_label),
+                    .names = labelling.label_names});
+  if (evaluation)
+    panels.push_back({.title = "true labels",
+                      .subtitle = "floor " + percent(evaluation->floor) + ", oracle " +
+                                  percent(evaluation->oracle),
+                      .cloud = frame.input,
+                      .group = frame.input->label,
+                      .names = frame.input->label_names});
+  return draw_png(panels, static_cast<int>(panels.size()));
+}
+
+}  // namespace cosegraph::sink

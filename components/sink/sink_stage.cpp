@@ -1,0 +1,96 @@
+#include <filesystem>
+
+#include "graph/stage.hpp"
+#include "io/cloud_io.hpp"
+#include "io/file.hpp"
+#include "sink/results.hpp"
+#include "sink/sink.hpp"
+
+namespace cosegraph::stages {
+namespace {
+
+enum class Format { ply, pcd };
+
+}  // namespace
+}  // namespace cosegraph::stages
+
+template <>
+cosegraph::Names<cosegraph::stages::Format> cosegraph::names<cosegraph::stages::Format>() {
+  using enum stages::Format;
+  static constexpr std::pair<stages::Format, std::string_view> kTable[] = {{ply, "ply"},
+                                                                           {pcd, "pcd"}};
+  return kTable;
+}
+
+namespace cosegraph::stages {
+namespace {
+
+namespace fs = std::filesystem;
+
+class SinkStage final : public graph::Stage {
+ public:
+  std::string summary() const override { return "writes labelled clouds, figures and pictures"; }
+
+  Fields parameters() override {
+    return {text_field("folder", folder_, "where the results go; made if it does not exist"),
+            choice_field("format", format_, "of the labelled clouds"),
+            boolean_field("picture", picture_, "a PNG per frame: query, segments, labels, truth"),
+            text_field("reference", reference_,
+                       "labelled cloud shown as first panel of the pictures; empty: none")};
+  }
+
+  void start() override {
+    if (folder_.empty()) throw ParameterError("folder: no output folder is given");
+    std::error_code error;
+    fs::create_directories(folder_, error);
+    if (error) throw InputError(folder_ + ": cannot be made: " + error.message());
+    // Found out now rather than after the first frame.
+    io::write_file(fs::path(folder_) / "results.json", sink::results_json({}));
+    if (!reference_.empty()) reference_cloud_ = io::read_cloud(reference_);
+  }
+
+  void process(graph::Frame& frame) override {
+    const Cloud input = input_.get(frame);
+    const Segments segments = segments_.get(frame);
+    const Labelling labelling = labelling_.get(frame);
+    const sink::Labelled labelled = sink::to_input(input, labelling);
+
+    const fs::path base = fs::path(folder_) / frame.name();
+    if (picture_) write_picture(base.string() + ".png", frame.name(), input, segments, labelling);
+    const io::Column confidence{.name = "confidence", .value = labelled.confidence};
+    io::write_cloud(base.string() + "." + std::string(to_name(format_)), labelled.cloud,
+                    {&confidence, 1});
+    results_.push_back(sink::result_of(frame.name(), input, segments, labelling));
+    io::write_file(fs::path(folder_) / "results.json", sink::results_json(results_));
+  }
+
+ private:
+  void write_picture(const fs::path& file, const std::string& name, const Cloud& input,
+                     const Segments& segments, const Labelling& labelling) const {
+    io::write_file(file,
+                   sink::picture_of({.name = name,
+                                     .input = &input,
+                                     .segments = &segments,
+                                     .labelling = &labelling,
+                                     .reference = reference_.empty() ? nullptr
+                                                                     : &reference_cloud_}));
+  }
+
+  graph::Input<Cloud> input_{*this, "input", "the input's own points"};
+  graph::Input<Segments> segments_{*this, "segments", "for the pictures and the oracle"};
+  graph::Input<Labelling> labelling_{*this, "labelling", "what is written"};
+  std::string folder_;
+  std::string reference_;
+  Format format_ = Format::ply;
+  bool picture_ = false;
+  Cloud reference_cloud_;
+  std::vector<sink::Result> results_;
+};
+
+}  // namespace
+
+std::unique_ptr<graph::Stage> make_sink_stage() {
+  return std::make_unique<SinkStage>();
+}
+
+}  // namespace cosegraph::stages

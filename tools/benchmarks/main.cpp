@@ -1,0 +1,71 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+
+#include "camera/camera.hpp"
+#include "inputs/inputs.hpp"
+#include "sample/shapes.hpp"
+#include "tools/benchmarks/bench.hpp"
+
+namespace cosegraph::bench {
+namespace {
+
+std::vector<Cloud> views_of(const Mesh& mesh, int count) {
+  camera::Params params;
+  params.count = count;
+  std::vector<Cloud> views;
+  for (const auto& view : camera::choose_views(mesh, params))
+    views.push_back(finite_points(camera::render(mesh, view.direction, view.roll, params)));
+  return views;
+}
+
+}  // namespace
+
+Subject load_subject() {
+  const char* named = std::getenv("COSEGRAPH_DATA");
+  const std::filesystem::path folder =
+      std::filesystem::path(named != nullptr ? named : "../shared") / "lpsb" / "FourLeg";
+  constexpr int kTrainViews = 8;
+  constexpr int kQueryViews = 4;
+  if (std::filesystem::exists(folder / "381.off"))
+    return {.name = "benchmark FourLeg 381 and 383",
+            .reference = views_of(inputs::read_labelled_mesh(folder / "381.off"), kTrainViews),
+            .queries = views_of(inputs::read_labelled_mesh(folder / "383.off"), kQueryViews)};
+  return {.name = "generated mugs 1 and 2",
+          .reference = views_of(sample::make(sample::Kind::mug, 1), kTrainViews),
+          .queries = views_of(sample::make(sample::Kind::mug, 2), kQueryViews)};
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+}  // namespace cosegraph::bench
+
+int main(int argc, char** argv) {
+  using namespace cosegraph;
+  CLI::App app("Benchmarks of cosegraph");
+  std::string which = "all";
+  int repeats = 5;
+  app.add_option("benchmark", which, "frame, overhead, learning, peers or all")
+      ->check(CLI::IsMember({"frame", "overhead", "learning", "peers", "all"}));
+  app.add_option("--repeats", repeats, "measurements of which the median is printed")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  try {
+    int status = 0;
+    if (which == "frame" || which == "all") status |= bench::bench_frame(repeats);
+    if (which == "overhead" || which == "all") status |= bench::bench_overhead(20 * repeats);
+    if (which == "learning" || which == "all") status |= bench::bench_learning(repeats);
+    if (which == "peers" || which == "all") status |= bench::bench_peers(repeats);
+    return status;
+  } catch (const std::exception& error) {
+    std::cerr << error.what() << '\n';
+    return 1;
+  }
+}

@@ -1,0 +1,25 @@
+// The subcommands of `cosegraph`. Each adds itself to the command line; what it returns when run
+// is the exit status: 0 fine, 1 failed. Misuse (2) is found by the parser or a ParameterError.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+#include "graph/stage.hpp"
+
+namespace cosegraph::tools {
+
+using Action = std::function<int()>;
+
+// Called by the parser when a subcommand was chosen; main() then runs the action.
+using Choose = std::function<void(Action)>;
+
+void add_graph_commands(CLI::App& app, const Choose& choose);   // check draw run up stages
+void add_job_commands(CLI::App& app, const Choose& choose);     // view train segment
+void add_sample_command(CLI::App& app, const Choose& choose);   // sample
+void add_eval_command(CLI::App& app, const Choose& choose);     // eval
+
+// Every kind of stage that this program was built with.
+const graph::StageTable& stage_table();
+
+}  // namespace cosegraph::tools
