@@ -7,7 +7,8 @@ include(GoogleTest)
 add_library(cosegraph_settings INTERFACE)
 target_compile_features(cosegraph_settings INTERFACE cxx_std_20)
 target_compile_options(cosegraph_settings INTERFACE -Wall -Wextra -Wpedantic
-                       -Wno-missing-field-initializers -Wno-restrict -ffp-contract=off)
+                       -Wno-missing-field-initializers -ffp-contract=off
+                       $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)  # false alarms of GCC 12
 if(COSEGRAPH_WERROR)
   target_compile_options(cosegraph_settings INTERFACE -Werror)
 endif()
@@ -15,6 +16,8 @@ if(COSEGRAPH_SANITIZE)
   target_compile_options(cosegraph_settings INTERFACE -fsanitize=${COSEGRAPH_SANITIZE}
                                                       -fno-omit-frame-pointer)
   target_link_options(cosegraph_settings INTERFACE -fsanitize=${COSEGRAPH_SANITIZE})
+  # Eigen would switch its allocator under the sanitizer, but the packaged PCL does not.
+  target_compile_definitions(cosegraph_settings INTERFACE EIGEN_MALLOC_ALREADY_ALIGNED=1)
 endif()
 
 # add_component(NAME SOURCES x.cpp... [PUBLIC lib...] [PRIVATE lib...])

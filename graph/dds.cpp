@@ -209,9 +209,11 @@ Participant::Participant(const GraphDescription& graph, const ParticipantOptions
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " +
                 options.name);
   dds::PublisherQos publisher;
-  publisher.partition().push_back(graph.graph.c_str());
+  const std::string partition =
+      graph.instance.empty() ? graph.graph : graph.graph + "." + graph.instance;
+  publisher.partition().push_back(partition.c_str());
   dds::SubscriberQos subscriber;
-  subscriber.partition().push_back(graph.graph.c_str());
+  subscriber.partition().push_back(partition.c_str());
   impl_->publisher = impl_->participant->create_publisher(publisher);
   impl_->subscriber = impl_->participant->create_subscriber(subscriber);
   if (impl_->publisher == nullptr || impl_->subscriber == nullptr)

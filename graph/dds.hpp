@@ -18,10 +18,9 @@
 
 namespace cosegraph::graph {
 
-
 struct EndpointQos {
-  int depth = 1;                // samples kept for late or slow readers
-  bool keep_for_late = true;    // a reader that comes later gets the newest `depth` samples
+  int depth = 1;              // samples kept for late or slow readers
+  bool keep_for_late = true;  // a reader that comes later gets the newest `depth` samples
 };
 
 // Within one process messages are handed over directly; across processes of a host they go through

@@ -102,6 +102,9 @@ struct Host {
 struct GraphDescription {
   std::string file;
   std::string graph;  // name: first part of every topic and the DDS partition
+  // Tells runs of the same graph apart that can hear each other. Set by who starts a run, not by
+  // the file; empty: stages started by hand find each other by the graph's name alone.
+  std::string instance;
   Dds dds;
   int window = 4;          // frames in flight, at most
   double deadline = 60.0;  // s; a frame that nobody finished by then fails

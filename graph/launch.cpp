@@ -78,8 +78,9 @@ class Processes {
       const bool writes = info_of(node, catalog).has_frame_outputs();
       processes_.push_back(
           {.node = &node,
-           .command = {program, "--graph", file.string(), "--stage", node.name, "--leaves", leaves,
-                       "--shared-memory", std::to_string(writes ? kSegment : kSegment / 16)}});
+           .command = {program, "--graph", file.string(), "--stage", node.name, "--instance",
+                       graph.instance, "--leaves", leaves, "--shared-memory",
+                       std::to_string(writes ? kSegment : kSegment / 16)}});
     }
     for (auto& process : processes_) start(process);
   }
@@ -201,8 +202,9 @@ class Processes {
 
 }  // namespace
 
-RunReport run_processes(const GraphDescription& graph, const Catalog& catalog,
+RunReport run_processes(const GraphDescription& description, const Catalog& catalog,
                         const RunOptions& options, const LaunchOptions& launch) {
+  const GraphDescription graph = fresh_instance(description);
   Processes processes(graph, catalog, launch);
   Watch watch(graph, catalog, options);
   std::string error;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
+#include <random>
 
 #include "graph/runtime.hpp"
 #include "graph/watch.hpp"
@@ -10,6 +12,14 @@ namespace cosegraph::graph {
 
 using namespace std::chrono_literals;
 using idl::State;
+
+GraphDescription fresh_instance(GraphDescription graph) {
+  std::random_device entropy;
+  char text[17];
+  std::snprintf(text, sizeof text, "%08x%08x", entropy(), entropy());
+  graph.instance = text;
+  return graph;
+}
 
 bool Watch::over() const {
   const auto stages = observer_.stages();
@@ -64,8 +74,9 @@ RunReport Watch::report() {
   return report;
 }
 
-RunReport run_in_process(const GraphDescription& graph, const StageTable& table,
+RunReport run_in_process(const GraphDescription& description, const StageTable& table,
                          const RunOptions& options) {
+  const GraphDescription graph = fresh_instance(description);
   const Catalog catalog = catalog_of(table);
   Watch watch(graph, catalog, options);
   const std::vector<std::string> leaves = leaves_of(graph, catalog);

@@ -20,9 +20,9 @@ std::string control_topic(const GraphDescription& graph, std::string_view what);
 void apply_params(const GraphDescription& graph, const StageNode& node, Stage& stage);
 
 struct RunnerOptions {
-  std::uint32_t generation = 0;      // > 0: started again in the middle of a stream
-  std::vector<std::string> leaves;   // of the graph; needed by its source
-  std::uint32_t shared_memory = 0;   // see ParticipantOptions
+  std::uint32_t generation = 0;     // > 0: started again in the middle of a stream
+  std::vector<std::string> leaves;  // of the graph; needed by its source
+  std::uint32_t shared_memory = 0;  // see ParticipantOptions
 };
 
 class StageRunner {

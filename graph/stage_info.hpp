@@ -25,7 +25,7 @@ struct StageInfo {
   std::string summary;  // one sentence
   std::vector<PortInfo> inputs;
   std::vector<PortInfo> outputs;
-  Fields parameters;             // bound to the members of `owner`, holding the defaults
+  Fields parameters;  // bound to the members of `owner`, holding the defaults
   std::shared_ptr<void> owner;
 
   const PortInfo* input(const std::string& name) const {

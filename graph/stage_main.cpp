@@ -27,6 +27,7 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
              kind + " --graph segment.yaml --stage " + kind + " --leaves sink");
   std::string file;
   std::string name;
+  std::string instance;
   RunnerOptions options;
   app.add_option("--graph", file, "graph file")->required()->check(CLI::ExistingFile);
   app.add_option("--stage", name, "name of the stage in the graph file")->required();
@@ -34,6 +35,8 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
                  "stages that report frames as done, separated by commas")
       ->delimiter(',')
       ->required();
+  app.add_option("--instance", instance,
+                 "name of this run; stages of different runs of a graph do not meet");
   app.add_option("--generation", options.generation, "how often this stage was started before");
   app.add_option("--shared-memory", options.shared_memory,
                  "bytes of shared memory for messages; 0: UDP only");
@@ -50,7 +53,8 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
   sigaddset(&signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   try {
-    const GraphDescription graph = read_graph(file);
+    GraphDescription graph = read_graph(file);
+    graph.instance = instance;
     const StageNode* node = graph.stage(name);
     if (node == nullptr) throw ParameterError(file + ": there is no stage '" + name + "'");
     if (!node->use.empty() && node->use != kind)

@@ -103,7 +103,7 @@ struct MessageOf;
 template <>
 struct MessageOf<Cloud> {
   using Type = msg::Cloud;
-  static constexpr std::string_view kLayout = "ffffS4444sf44";
+  static constexpr std::string_view kLayout = "ffffS4444sfS44";
 };
 
 void fill(msg::Cloud& message, const Cloud& value) {
@@ -116,6 +116,7 @@ void fill(msg::Cloud& message, const Cloud& value) {
   message.scale(value.scale);
   message.recipe(value.recipe);
   message.dense_index(value.dense_index);
+  message.notes(value.notes);
   message.width(value.width);
   message.height(value.height);
 }
@@ -130,6 +131,7 @@ Cloud take(msg::Cloud& message) {
               .scale = message.scale(),
               .recipe = std::move(message.recipe()),
               .dense_index = std::move(message.dense_index()),
+              .notes = std::move(message.notes()),
               .width = message.width(),
               .height = message.height()};
   check_sizes(value);
@@ -151,7 +153,7 @@ void fill(msg::Supervoxels& message, const Supervoxels& value) {
   message.normal(value.normal);
   message.point_count(value.point_count);
   message.adjacency(flatten(value.adjacency));
-  message.scale(value.scale);
+  message.seed_resolution(value.seed_resolution);
 }
 
 Supervoxels take(msg::Supervoxels& message) {
@@ -159,8 +161,9 @@ Supervoxels take(msg::Supervoxels& message) {
                     .centroid = std::move(message.centroid()),
                     .normal = std::move(message.normal()),
                     .point_count = std::move(message.point_count()),
-                    .scale = message.scale()};
-  require(std::isfinite(value.scale) && value.scale > 0.0F, "scale is not positive");
+                    .seed_resolution = message.seed_resolution()};
+  require(std::isfinite(value.seed_resolution) && value.seed_resolution > 0.0F,
+          "the distance of the seeds is not positive");
   require(value.centroid.size() % 3 == 0 && value.normal.size() == value.centroid.size() &&
               value.point_count.size() == value.count(),
           "centroids, normals and point counts do not fit together");
@@ -494,9 +497,13 @@ struct MessageOf<StreamEnd> {
   static constexpr std::string_view kLayout = "8";
 };
 
-void fill(msg::StreamEnd& message, const StreamEnd& value) { message.count(value.count); }
+void fill(msg::StreamEnd& message, const StreamEnd& value) {
+  message.count(value.count);
+}
 
-StreamEnd take(msg::StreamEnd& message) { return {.count = message.count()}; }
+StreamEnd take(msg::StreamEnd& message) {
+  return {.count = message.count()};
+}
 
 template <>
 struct MessageOf<FrameFailure> {
@@ -504,9 +511,13 @@ struct MessageOf<FrameFailure> {
   static constexpr std::string_view kLayout = "s";
 };
 
-void fill(msg::FrameFailure& message, const FrameFailure& value) { message.reason(value.reason); }
+void fill(msg::FrameFailure& message, const FrameFailure& value) {
+  message.reason(value.reason);
+}
 
-FrameFailure take(msg::FrameFailure& message) { return {.reason = std::move(message.reason())}; }
+FrameFailure take(msg::FrameFailure& message) {
+  return {.reason = std::move(message.reason())};
+}
 
 template <>
 struct MessageOf<FrameDone> {
@@ -615,7 +626,9 @@ Message deserialise(std::span<const std::uint8_t> bytes, std::string_view type,
 
 }  // namespace
 
-std::string wire_type(std::string_view name) { return "cosegraph::msg::" + std::string(name); }
+std::string wire_type(std::string_view name) {
+  return "cosegraph::msg::" + std::string(name);
+}
 
 template <class Value>
 Bytes encode(const FrameHeader& header, const Value& value) {
@@ -628,7 +641,7 @@ Bytes encode(const FrameHeader& header, const Value& value) {
 template <class Value>
 Value decode(std::span<const std::uint8_t> bytes) {
   auto message = deserialise<typename MessageOf<Value>::Type>(bytes, type_name<Value>(),
-                                                             MessageOf<Value>::kLayout);
+                                                              MessageOf<Value>::kLayout);
   try {
     return take(message);
   } catch (const Error& error) {
@@ -640,11 +653,11 @@ FrameHeader decode_header(std::span<const std::uint8_t> bytes) {
   return to_header(deserialise<msg::FrameHeader>(bytes, "FrameHeader", ""));
 }
 
-#define COSEGRAPH_TRAVELS(Value)                          \
-  template <>                                             \
-  std::string_view type_name<Value>() {                   \
-    return #Value;                                        \
-  }                                                       \
+#define COSEGRAPH_TRAVELS(Value)                           \
+  template <>                                              \
+  std::string_view type_name<Value>() {                    \
+    return #Value;                                         \
+  }                                                        \
   template Bytes encode(const FrameHeader&, const Value&); \
   template Value decode(std::span<const std::uint8_t>);
 
@@ -667,9 +680,9 @@ COSEGRAPH_TRAVELS(StageStatus)
 
 std::span<const std::string_view> type_names() {
   static constexpr std::string_view kNames[] = {
-      "Cloud",           "Supervoxels",   "Segments",  "Descriptors",  "Encodings",
-      "Scores",          "Spectrum",      "Labelling", "AppearanceModel",
-      "RelationModel",   "StreamEnd",     "FrameFailure", "FrameDone", "StageStatus"};
+      "Cloud",     "Supervoxels",  "Segments",  "Descriptors",     "Encodings",
+      "Scores",    "Spectrum",     "Labelling", "AppearanceModel", "RelationModel",
+      "StreamEnd", "FrameFailure", "FrameDone", "StageStatus"};
   return kNames;
 }
 

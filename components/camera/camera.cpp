@@ -210,10 +210,12 @@ Cloud to_cloud(const DepthImage& image, const Mesh& mesh) {
   for (std::size_t pixel = 0; pixel < image.depth.size(); ++pixel) {
     if (image.face[pixel] < 0) continue;
     const double z = image.depth[pixel];
-    const auto column = static_cast<double>(pixel % camera.width);
-    const auto row = static_cast<double>(pixel / camera.width);
-    cloud.xyz[3 * pixel] = static_cast<float>((column - camera.cx) / camera.fx * z);
-    cloud.xyz[3 * pixel + 1] = static_cast<float>((row - camera.cy) / camera.fy * z);
+    const std::size_t column = pixel % camera.width;
+    const std::size_t row = pixel / camera.width;
+    cloud.xyz[3 * pixel] =
+        static_cast<float>((static_cast<double>(column) - camera.cx) / camera.fx * z);
+    cloud.xyz[3 * pixel + 1] =
+        static_cast<float>((static_cast<double>(row) - camera.cy) / camera.fy * z);
     cloud.xyz[3 * pixel + 2] = static_cast<float>(z);
     if (!cloud.label.empty())
       cloud.label[pixel] = mesh.face_label[static_cast<std::size_t>(image.face[pixel])];

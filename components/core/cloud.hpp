@@ -35,6 +35,9 @@ struct Cloud {
   // removed. Empty in `dense` itself.
   std::vector<std::int32_t> dense_index;
 
+  // What a user should know of how the cloud came about ("2000000 points reduced to 19873").
+  std::vector<std::string> notes;
+
   // Grid of the sensor: width * height == N; height == 1 for an unorganised cloud.
   std::uint32_t width = 0;
   std::uint32_t height = 1;

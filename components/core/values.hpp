@@ -20,7 +20,7 @@ struct Supervoxels {
   std::vector<float> normal;              // 3S, unit, toward the sensor
   std::vector<std::int32_t> point_count;  // S
   std::vector<std::array<std::int32_t, 2>> adjacency;  // pairs a < b, sorted, unique
-  float scale = 1.0F;                                  // of the cloud: Cloud::scale
+  float seed_resolution = 0.0F;  // distance of the seeds, in the cloud's unit
 
   std::size_t count() const { return centroid.size() / 3; }
 };

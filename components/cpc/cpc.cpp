@@ -74,19 +74,20 @@ Neighbours to_pcl(const std::vector<std::array<std::int32_t, 2>>& adjacency) {
 // Determinism: PCL seeds every plane model with the same number, visits edges in the order they
 // are inserted, and cuts each segment on its own. Only its segment numbers follow the addresses of
 // graph nodes; they are replaced by renumber().
-std::vector<std::int32_t> cut(const Supervoxels& supervoxels, float scale, const Params& params) {
+// Lengths are multiples of the supervoxels' seed distance.
+std::vector<std::int32_t> cut(const Supervoxels& supervoxels, const Params& params) {
   pcl::CPCSegmentation<Point> segmentation;
   segmentation.setConcavityToleranceThreshold(static_cast<float>(params.concavity_tolerance));
   segmentation.setSanityCheck(params.sanity_check);
   // The smoothness check is off; this is PCL's only way to set the inlier distance (the third
   // argument). The second is unused then.
-  const auto seed_resolution = static_cast<float>(params.seed_resolution);
-  segmentation.setSmoothnessCheck(false, seed_resolution, seed_resolution);
+  segmentation.setSmoothnessCheck(false, 1.0F, 1.0F);
   segmentation.setCutting(static_cast<std::uint32_t>(params.max_cuts),
                           static_cast<std::uint32_t>(params.min_cut_edges),
                           static_cast<float>(params.min_cut_score), true, true, false);
   segmentation.setRANSACIterations(static_cast<std::uint32_t>(params.ransac_iterations));
-  segmentation.setInputSupervoxels(to_pcl(supervoxels, scale), to_pcl(supervoxels.adjacency));
+  segmentation.setInputSupervoxels(to_pcl(supervoxels, supervoxels.seed_resolution),
+                                   to_pcl(supervoxels.adjacency));
   segmentation.segment();
 
   std::map<std::uint32_t, std::uint32_t> segment_of_label;
@@ -124,18 +125,17 @@ Fields describe(Params& params) {
                     "Segments of fewer supervoxels are merged into a neighbour."),
       choice_field("merge", params.merge,
                    "Order and target of merging: least concave boundary first, or the original."),
-      number_field("seed_resolution", params.seed_resolution, 1e-3, 2.0, "scale",
-                   "Seed distance of the supervoxels: how far from a plane edges support it."),
   };
 }
 
-Segments compute(const Supervoxels& supervoxels, float scale, const Params& params) {
+Segments compute(const Supervoxels& supervoxels, const Params& params) {
   silence_pcl();
   check(supervoxels);
-  if (!(scale > 0.0F)) throw InputError("the scale is not positive");
+  if (!(supervoxels.seed_resolution > 0.0F))
+    throw InputError("the supervoxels' seed distance is not positive");
 
   Segments segments;
-  segments.of_supervoxel = cut(supervoxels, scale, params);
+  segments.of_supervoxel = cut(supervoxels, params);
   renumber(segments.of_supervoxel);
   if (params.merge == Merge::concavity)
     merge_by_concavity(supervoxels, params.min_segment, segments.of_supervoxel);

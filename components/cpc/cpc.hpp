@@ -26,15 +26,14 @@ struct Params {
   int ransac_iterations = 500;
   int min_segment = 3;  // segments of fewer supervoxels are merged
   Merge merge = Merge::concavity;
-  double seed_resolution = 0.045;  // of the supervoxels: CPC's RANSAC inlier distance
 };
 
 Fields describe(Params& params);
 
-// Partitions the supervoxels of `dense`-scale `scale` (Cloud::scale). Segment ids are 0 .. count-1
-// in the order of their first supervoxel. The same bytes at every call, from any thread. Throws
+// Partitions the supervoxels; their seed distance is how far from a plane edges support it. Segment
+// ids are 0 .. count-1 in the order of their first supervoxel. The same bytes at every call, from any thread. Throws
 // InputError if `supervoxels` is empty or inconsistent.
-Segments compute(const Supervoxels& supervoxels, float scale, const Params& params);
+Segments compute(const Supervoxels& supervoxels, const Params& params);
 
 // True where supervoxels a and b meet in a concave edge: n1.d - n2.d < 0, d = (x1-x2)/|x1-x2|.
 bool is_concave(const Supervoxels& supervoxels, std::int32_t a, std::int32_t b);

@@ -10,8 +10,7 @@ class CpcStage final : public graph::Stage {
   std::string summary() const override { return "segments by constrained planar cuts (CPC)"; }
   Fields parameters() override { return describe(params_); }
   void process(graph::Frame& frame) override {
-    const Supervoxels supervoxels = supervoxels_.get(frame);
-    out_.put(frame, cpc::compute(supervoxels, supervoxels.scale, params_));
+    out_.put(frame, cpc::compute(supervoxels_.get(frame), params_));
   }
 
  private:

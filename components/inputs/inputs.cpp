@@ -75,9 +75,10 @@ std::vector<Item> list(const std::vector<std::string>& paths, const camera::Para
         continue;
       }
       for (int view = 0; view < camera.count; ++view)
-        items.push_back(
-            {.name = unique(stem + "-view" + std::to_string(view)), .file = file, .view = view,
-             .labels = labels});
+        items.push_back({.name = unique(stem + "-view" + std::to_string(view)),
+                         .file = file,
+                         .view = view,
+                         .labels = labels});
     }
   if (items.empty()) throw InputError("there is no input file (PLY, PCD, PNG or OFF)");
   return items;

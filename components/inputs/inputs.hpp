@@ -12,9 +12,9 @@
 namespace cosegraph::inputs {
 
 struct Item {
-  std::string name;            // unique within a list: the file's base name, "-viewK" for a mesh
+  std::string name;  // unique within a list: the file's base name, "-viewK" for a mesh
   std::filesystem::path file;
-  int view = -1;               // of a mesh: which of its views; -1: the file is a cloud
+  int view = -1;                 // of a mesh: which of its views; -1: the file is a cloud
   std::filesystem::path labels;  // of a mesh: its label file; empty: NAME_labels.txt beside it
 };
 

@@ -163,7 +163,8 @@ void read_binary(const std::filesystem::path& file, std::string_view body, const
     row.assign(element.properties.size(), {});
     for (std::size_t i = 0; i < element.count; ++i) {
       const auto need = [&](double count, Type type) {
-        if (count < 0.0 || count > static_cast<double>(bytes.left() / size_of(type)))
+        const std::size_t possible = bytes.left() / size_of(type);
+        if (count < 0.0 || count > static_cast<double>(possible))
           throw InputError(file.string() + ": the file ends inside " + element.name + " " +
                            std::to_string(i) + " of " + std::to_string(element.count));
       };

@@ -48,9 +48,9 @@ void set_descriptors(std::string_view name, const std::string& word, Config& con
   if (word == "fpfh")
     config.descriptors.channels = {"fpfh:0.08"};
   else if (word == "shot")
-    config.descriptors.channels = {"shot:0.13:0.03"};
+    config.descriptors.channels = {"shot:0.13"};
   else if (word == "fused")
-    config.descriptors.channels = {"shot:0.13:0.03", "shot:0.24:0.03", "fpfh+place:0.08"};
+    config.descriptors.channels = {"shot:0.13", "shot:0.24", "fpfh+place:0.08"};
   else
     refuse(name, "'" + word + "' is no descriptor" + did_you_mean(word, {"fpfh", "shot", "fused"}));
 }
@@ -131,8 +131,8 @@ Model train(std::span<const Cloud> labelled_views, const Config& config,
   std::vector<training::View> views;
   for (const auto& view : labelled_views) {
     if (progress)
-      progress("features", static_cast<double>(views.size()) /
-                               static_cast<double>(labelled_views.size()));
+      progress("features",
+               static_cast<double>(views.size()) / static_cast<double>(labelled_views.size()));
     Features features = extract(view, config);
     views.push_back({.cloud = std::move(features.frame.cloud),
                      .descriptors = std::move(features.descriptors),
@@ -148,7 +148,7 @@ Segments presegment(const Features& features, const Config& config, Supervoxels&
     supervoxels = supervoxels::compute(features.frame.dense, config.supervoxels);
   }
   const Timer timer(times, "cpc");
-  return cpc::compute(supervoxels, supervoxels.scale, config.cpc);
+  return cpc::compute(supervoxels, config.cpc);
 }
 
 Labelling label(const Features& features, const Segments& segments, const Model& model,
@@ -171,8 +171,7 @@ Labelling label(const Features& features, const Segments& segments, const Model&
 Result segment(Cloud input, const Model& model, const Config& config, Times* times) {
   Result result{.features = extract(std::move(input), config, times)};
   result.segments = presegment(result.features, config, result.supervoxels, times);
-  result.labelling =
-      label(result.features, result.segments, model, config, result.scores, times);
+  result.labelling = label(result.features, result.segments, model, config, result.scores, times);
   return result;
 }
 

@@ -32,6 +32,7 @@ Result result_of(const std::string& name, const Cloud& input, const Segments& se
                 .proven_optimal = labelling.proven_optimal,
                 .gap = labelling.gap,
                 .violations = labelling.violations,
+                .notes = input.notes,
                 .evaluation = evaluate(input, segments, labelling)};
   double confidence = 0.0;
   for (const std::int32_t d : input.dense_index) {
@@ -65,6 +66,7 @@ std::string results_json(std::span<const Result> results) {
     frame["proven_optimal"] = result.proven_optimal;
     frame["gap"] = result.gap;
     frame["violations"] = result.violations;
+    frame["notes"] = result.notes;
     if (const auto& truth = result.evaluation) {
       frame["accuracy"] = truth->accuracy;
       frame["majority_floor"] = truth->floor;

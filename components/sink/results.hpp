@@ -23,6 +23,7 @@ struct Result {
   bool proven_optimal = false;
   double gap = 0.0;
   std::int32_t violations = 0;
+  std::vector<std::string> notes;        // of the input cloud
   std::optional<Evaluation> evaluation;  // where the input carries true labels
 };
 

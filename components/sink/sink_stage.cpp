@@ -67,13 +67,12 @@ class SinkStage final : public graph::Stage {
  private:
   void write_picture(const fs::path& file, const std::string& name, const Cloud& input,
                      const Segments& segments, const Labelling& labelling) const {
-    io::write_file(file,
-                   sink::picture_of({.name = name,
-                                     .input = &input,
-                                     .segments = &segments,
-                                     .labelling = &labelling,
-                                     .reference = reference_.empty() ? nullptr
-                                                                     : &reference_cloud_}));
+    io::write_file(
+        file, sink::picture_of({.name = name,
+                                .input = &input,
+                                .segments = &segments,
+                                .labelling = &labelling,
+                                .reference = reference_.empty() ? nullptr : &reference_cloud_}));
   }
 
   graph::Input<Cloud> input_{*this, "input", "the input's own points"};

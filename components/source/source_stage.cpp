@@ -51,8 +51,8 @@ class SourceStage final : public graph::SourceStage {
 
   void process(graph::Frame& frame) override {
     const inputs::Item& item = items_[next_ - 1];
-    const source::Frame made = source::prepare(reader_.read(item, camera_), extraction_, params_);
-    for (const auto& note : made.notes) report(item.name + ": " + note);
+    source::Frame made = source::prepare(reader_.read(item, camera_), extraction_, params_);
+    made.input.notes = std::move(made.notes);
     input_.put(frame, made.input);
     dense_.put(frame, made.dense);
     cloud_.put(frame, made.cloud);

@@ -142,8 +142,8 @@ Supervoxels compute(const Cloud& dense, const Params& params) {
   if (params.seed < params.voxel)
     throw ParameterError("seed: the seeds are closer than the voxels are wide");
 
-  Clustering clustering(static_cast<float>(params.voxel * dense.scale),
-                        static_cast<float>(params.seed * dense.scale));
+  const auto seed = static_cast<float>(params.seed * dense.scale);
+  Clustering clustering(static_cast<float>(params.voxel * dense.scale), seed);
   clustering.setUseSingleCameraTransform(false);
   clustering.setColorImportance(static_cast<float>(params.color_weight));
   clustering.setSpatialImportance(static_cast<float>(params.spatial_weight));
@@ -155,7 +155,7 @@ Supervoxels compute(const Cloud& dense, const Params& params) {
   std::vector<std::uint32_t> labels = point_labels(clustering);
   label_the_rest(dense, labels);
   std::vector<std::int32_t> id_of_label(clusters.empty() ? 1 : clusters.rbegin()->first + 1, kNone);
-  Supervoxels result{.scale = dense.scale};
+  Supervoxels result{.seed_resolution = seed};
   result.of_point.reserve(labels.size());
   for (const std::uint32_t label : labels) {
     std::int32_t& id = id_of_label[label];
@@ -167,7 +167,7 @@ Supervoxels compute(const Cloud& dense, const Params& params) {
     result.of_point.push_back(id);
   }
   result.adjacency = voxel_adjacency(clustering, id_of_label);
-  link_small_pieces(dense, static_cast<float>(params.seed * dense.scale), result);
+  link_small_pieces(dense, seed, result);
   std::ranges::sort(result.adjacency);
   const auto repeated = std::ranges::unique(result.adjacency);
   result.adjacency.erase(repeated.begin(), repeated.end());

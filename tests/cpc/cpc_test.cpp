@@ -19,8 +19,6 @@
 namespace cosegraph::cpc {
 namespace {
 
-constexpr float kScale = 1.0F;
-
 // Depth of the nearest of some spheres along every ray of a grid, without their steep rims; label =
 // sphere.
 struct Sphere {
@@ -68,7 +66,7 @@ double purity(const std::vector<std::int32_t>& segment, const std::vector<std::i
 TEST(Cuts, PartTwoSpheresWhereTheyMeet) {
   const Cloud cloud = snowman();
   const auto supervoxels = supervoxels::compute(cloud, {});
-  const Segments segments = compute(supervoxels, kScale, {});
+  const Segments segments = compute(supervoxels, {});
   EXPECT_EQ(segments.count, 2);
   EXPECT_GT(purity(segments.of_point, cloud.label), 0.96);
   ASSERT_EQ(segments.adjacency.size(), 1U);
@@ -77,7 +75,7 @@ TEST(Cuts, PartTwoSpheresWhereTheyMeet) {
 
 TEST(Cuts, LeaveAConvexShapeWhole) {
   const auto supervoxels = supervoxels::compute(seen({{0.0, 0.35}}), {});
-  const Segments segments = compute(supervoxels, kScale, {});
+  const Segments segments = compute(supervoxels, {});
   EXPECT_EQ(segments.count, 1);
   EXPECT_TRUE(segments.adjacency.empty());
 }
@@ -87,12 +85,12 @@ TEST(Cuts, AreNotMadeWhereNoneAreAllowed) {
   params.max_cuts = 0;
   params.concavity_tolerance = 180.0;  // every edge counts as convex
   params.sanity_check = false;
-  EXPECT_EQ(compute(supervoxels::compute(snowman(), {}), kScale, params).count, 1);
+  EXPECT_EQ(compute(supervoxels::compute(snowman(), {}), params).count, 1);
 }
 
 TEST(Segments, AreConsistentWithTheirSupervoxels) {
   const auto supervoxels = supervoxels::compute(seen({{-0.3, 0.2}, {0.05, 0.22}, {0.4, 0.19}}), {});
-  const Segments segments = compute(supervoxels, kScale, {});
+  const Segments segments = compute(supervoxels, {});
   ASSERT_EQ(segments.of_supervoxel.size(), supervoxels.count());
   ASSERT_EQ(segments.of_point.size(), supervoxels.of_point.size());
   std::int32_t next = 0;
@@ -115,9 +113,10 @@ TEST(Segments, AreConsistentWithTheirSupervoxels) {
 
 TEST(Segments, DoNotDependOnTheUnitOfLength) {
   auto supervoxels = supervoxels::compute(snowman(), {});
-  const Segments metres = compute(supervoxels, 1.0F, {});
+  const Segments metres = compute(supervoxels, {});
   for (float& value : supervoxels.centroid) value *= 1024.0F;
-  const Segments larger = compute(supervoxels, 1024.0F, {});
+  supervoxels.seed_resolution *= 1024.0F;
+  const Segments larger = compute(supervoxels, {});
   EXPECT_EQ(larger.of_supervoxel, metres.of_supervoxel);
 }
 
@@ -128,11 +127,10 @@ TEST(Segments, AreTheSameBytesFromEveryThread) {
   for (const Merge merge : {Merge::concavity, Merge::size}) {
     Params params;
     params.merge = merge;
-    const Segments once = compute(supervoxels, kScale, params);
+    const Segments once = compute(supervoxels, params);
     std::vector<Segments> again(6);
     std::vector<std::thread> threads;
-    for (auto& result : again)
-      threads.emplace_back([&] { result = compute(supervoxels, kScale, params); });
+    for (auto& result : again) threads.emplace_back([&] { result = compute(supervoxels, params); });
     for (auto& thread : threads) thread.join();
     for (const auto& result : again) {
       EXPECT_EQ(result.of_supervoxel, once.of_supervoxel);
@@ -143,29 +141,34 @@ TEST(Segments, AreTheSameBytesFromEveryThread) {
 }
 
 TEST(Segments, OfOneSupervoxelAreOne) {
-  Supervoxels single{
-      .of_point = {0, 0}, .centroid = {0, 0, 1}, .normal = {0, 0, -1}, .point_count = {2}};
-  const Segments segments = compute(single, kScale, {});
+  const Supervoxels single{.of_point = {0, 0},
+                           .centroid = {0, 0, 1},
+                           .normal = {0, 0, -1},
+                           .point_count = {2},
+                           .seed_resolution = 0.05F};
+  const Segments segments = compute(single, {});
   EXPECT_EQ(segments.count, 1);
   EXPECT_THAT(segments.of_point, testing::ElementsAre(0, 0));
 }
 
 TEST(Segments, RefuseSupervoxelsThatDoNotFitTogether) {
   const auto good = supervoxels::compute(snowman(), {});
-  EXPECT_THROW(compute({}, kScale, {}), InputError);
-  EXPECT_THROW(compute(good, 0.0F, {}), InputError);
+  EXPECT_THROW(compute({}, {}), InputError);
   auto damaged = good;
+  damaged.seed_resolution = 0.0F;
+  EXPECT_THROW(compute(damaged, {}), InputError);
+  damaged = good;
   damaged.adjacency.push_back({0, static_cast<std::int32_t>(good.count())});
-  EXPECT_THROW(compute(damaged, kScale, {}), InputError);
+  EXPECT_THROW(compute(damaged, {}), InputError);
   damaged = good;
   damaged.normal.pop_back();
-  EXPECT_THROW(compute(damaged, kScale, {}), InputError);
+  EXPECT_THROW(compute(damaged, {}), InputError);
   damaged = good;
   damaged.centroid[4] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THROW(compute(damaged, kScale, {}), InputError);
+  EXPECT_THROW(compute(damaged, {}), InputError);
   damaged = good;
   damaged.of_point[0] = -1;
-  EXPECT_THROW(compute(damaged, kScale, {}), InputError);
+  EXPECT_THROW(compute(damaged, {}), InputError);
   Params params;
   EXPECT_THROW(set_field(describe(params), "merge", {"largest"}), ParameterError);
 }
@@ -184,9 +187,9 @@ TEST(Segments, FollowThePartsOfBenchmarkShapes) {
       const Cloud dense = source::prepare(camera::render(mesh, direction, 0.2, {}), {}, {}).dense;
       const auto supervoxels = supervoxels::compute(dense, {});
       Params params;
-      by_concavity += purity(compute(supervoxels, dense.scale, params).of_point, dense.label);
+      by_concavity += purity(compute(supervoxels, params).of_point, dense.label);
       params.merge = Merge::size;
-      by_size += purity(compute(supervoxels, dense.scale, params).of_point, dense.label);
+      by_size += purity(compute(supervoxels, params).of_point, dense.label);
       ++views;
     }
   }

@@ -109,8 +109,8 @@ TEST_F(BadQuery, SinglePlaneAndDuplicatedPointsAreLabelled) {
   EXPECT_EQ(segment(world_->path("twice.ply")).status, 0);
   const Cloud answer = io::read_cloud(world_->path("bad-out/twice.ply"));
   const auto half = static_cast<std::ptrdiff_t>(answer.size() / 2);
-  EXPECT_TRUE(std::equal(answer.label.begin(), answer.label.begin() + half,
-                         answer.label.begin() + half))
+  EXPECT_TRUE(
+      std::equal(answer.label.begin(), answer.label.begin() + half, answer.label.begin() + half))
       << "a point and its duplicate have the same label";
 }
 
@@ -119,13 +119,14 @@ TEST_F(BadQuery, TwoMillionPointsAreReducedAndAllLabelled) {
   std::vector<float> xyz;
   for (int i = 0; i < 2'000'000; ++i) {
     const double angle = random.uniform(0.0, 3.0);
-    xyz.insert(xyz.end(), {static_cast<float>(std::cos(angle)),
-                           static_cast<float>(random.uniform(-1.0, 1.0)),
-                           static_cast<float>(3.0 - std::sin(angle))});
+    xyz.insert(xyz.end(),
+               {static_cast<float>(std::cos(angle)), static_cast<float>(random.uniform(-1.0, 1.0)),
+                static_cast<float>(3.0 - std::sin(angle))});
   }
   io::write_cloud(world_->path("large.ply"), unorganised(std::move(xyz)));
   const Outcome outcome = segment(world_->path("large.ply"));
   EXPECT_EQ(outcome.status, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output, HasSubstr("2000000"));
   EXPECT_EQ(io::read_cloud(world_->path("bad-out/large.ply")).size(), 2'000'000U);
 }
 
@@ -152,19 +153,18 @@ TEST_F(BadQuery, DamagedModelIsRefusedByName) {
 }
 
 TEST_F(BadQuery, ModelOfAnotherConfigurationIsRefused) {
-  const Outcome named = run({"cosegraph", "segment", "--model", world_->path("model.coseg"),
-                             "--config", "shot+fv", world_->path("queries"), "-o",
-                             world_->path("bad-out")});
+  const Outcome named =
+      run({"cosegraph", "segment", "--model", world_->path("model.coseg"), "--config", "shot+fv",
+           world_->path("queries"), "-o", world_->path("bad-out")});
   EXPECT_EQ(named.status, 1);
   EXPECT_THAT(named.errors, AllOf(HasSubstr("model.coseg"), HasSubstr("shot:0.13")));
   // A graph wired by hand finds out frame by frame.
   const Outcome forced =
-      run({"cosegraph", "segment", "--model", world_->path("model.coseg"),
-           world_->path("queries"), "-o", world_->path("bad-out"), "--param",
-           "descriptors.channels=fpfh:0.12"});
+      run({"cosegraph", "segment", "--model", world_->path("model.coseg"), world_->path("queries"),
+           "-o", world_->path("bad-out"), "--param", "descriptors.channels=fpfh:0.12"});
   EXPECT_EQ(forced.status, 1);
-  EXPECT_THAT(forced.errors, AllOf(HasSubstr("failed at fisher"), HasSubstr("fpfh:0.12"),
-                                   HasSubstr("fpfh:0.08")));
+  EXPECT_THAT(forced.errors,
+              AllOf(HasSubstr("failed at fisher"), HasSubstr("fpfh:0.12"), HasSubstr("fpfh:0.08")));
 }
 
 TEST_F(BadQuery, LabelThatTheReferenceLacksIsNamed) {
@@ -178,9 +178,9 @@ TEST_F(BadQuery, LabelThatTheReferenceLacksIsNamed) {
 }
 
 TEST_F(BadQuery, UnknownParameterIsMisuse) {
-  const Outcome outcome = run({"cosegraph", "segment", "--model", world_->path("model.coseg"),
-                               world_->path("queries"), "-o", world_->path("bad-out"), "--param",
-                               "supervoxels.sede=0.04"});
+  const Outcome outcome =
+      run({"cosegraph", "segment", "--model", world_->path("model.coseg"), world_->path("queries"),
+           "-o", world_->path("bad-out"), "--param", "supervoxels.sede=0.04"});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_THAT(outcome.errors, HasSubstr("did you mean 'seed'"));
 }
@@ -213,8 +213,12 @@ TEST_F(BadQuery, InterruptStopsInOrder) {
     fs::copy_file(world_->path("queries/query-view0.ply"),
                   folder / ("q" + std::to_string(i) + ".ply"));
   for (const bool processes : {false, true}) {
-    std::vector<std::string> words{"cosegraph", "segment", "--model",
-                                   world_->path("model.coseg"), folder.string(), "-o",
+    std::vector<std::string> words{"cosegraph",
+                                   "segment",
+                                   "--model",
+                                   world_->path("model.coseg"),
+                                   folder.string(),
+                                   "-o",
                                    world_->path("interrupted")};
     if (processes) words.emplace_back("--processes");
     Program program(words);

@@ -21,12 +21,12 @@ using testing::StartsWith;
 TEST(MainJob, SampleTrainSegment) {
   const TemporaryFolder folder;
   const auto path = [&](const char* name) { return (folder / name).string(); };
-  World::expect_fine({"cosegraph", "sample", "--kind", "watering_can", "--count", "2", "-o",
-                      path("shapes")});
+  World::expect_fine(
+      {"cosegraph", "sample", "--kind", "watering_can", "--count", "2", "-o", path("shapes")});
   World::expect_fine({"cosegraph", "view", path("shapes/watering_can1.off"), "--count", "4", "-o",
                       path("reference")});
-  World::expect_fine({"cosegraph", "train", "--reference", path("reference"), "-o",
-                      path("model.coseg")});
+  World::expect_fine(
+      {"cosegraph", "train", "--reference", path("reference"), "-o", path("model.coseg")});
   World::expect_fine({"cosegraph", "view", path("shapes/watering_can2.off"), "--count", "2", "-o",
                       path("queries")});
   const Outcome segmented =
@@ -41,6 +41,28 @@ TEST(MainJob, SampleTrainSegment) {
   EXPECT_GT(accuracy, 0.8);
   EXPECT_GT(accuracy, results["mean"]["majority_floor"].get<double>());
   EXPECT_THAT(slurp(folder / "out/watering_can2-view0.png"), StartsWith("\x89PNG"));
+  World::expect_fine({"cosegraph", "picture", path("out/watering_can2-view0.ply"),
+                      path("out/watering_can2-view1.ply"), "-o", path("strip.png")});
+  EXPECT_THAT(slurp(folder / "strip.png"), StartsWith("\x89PNG"));
+}
+
+// The paper's second experiment: a few frames of a moving depth camera, then its stream.
+TEST(MainJob, LearnsFromDepthFramesAndLabelsAStream) {
+  const TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder / name).string(); };
+  World::expect_fine({"cosegraph", "sample", "--kind", "watering_can", "--sequence", "5", "-o",
+                      path("reference")});
+  World::expect_fine({"cosegraph", "train", "--reference", path("reference"), "--config",
+                      "fused+fv", "-o", path("model.coseg")});
+  World::expect_fine({"cosegraph", "sample", "--kind", "watering_can", "--sequence", "4",
+                      "--start-azimuth", "40", "--end-azimuth", "400", "--elevation", "35", "-o",
+                      path("stream")});
+  World::expect_fine(
+      {"cosegraph", "segment", "--model", path("model.coseg"), path("stream"), "-o", path("out")});
+  const auto results = nlohmann::json::parse(slurp(folder / "out/results.json"));
+  EXPECT_EQ(results["mean"]["frames"], 4);
+  EXPECT_GT(results["mean"]["accuracy"].get<double>(),
+            results["mean"]["majority_floor"].get<double>() + 0.05);
 }
 
 TEST(MainJob, OutputHasTheInputsPointsInItsOrder) {
@@ -81,8 +103,7 @@ TEST(MainJob, ProcessesAndLibraryAgree) {
                       world.path("queries"), "-o", world.path("one")});
   World::expect_fine({"cosegraph", "segment", "--model", world.path("model.coseg"),
                       world.path("queries"), "-o", world.path("many"), "--processes"});
-  const Model model =
-      model::from_bytes(io::read_file(world.path("model.coseg")), "model.coseg");
+  const Model model = model::from_bytes(io::read_file(world.path("model.coseg")), "model.coseg");
   pipeline::Config config;
   config.astar.spatial = astar::Spatial::iso;
   pipeline::adopt_model(model, config);
@@ -126,8 +147,8 @@ TEST(MainJob, BagOfWordsAndFusedConfigurationsWork) {
 }
 
 TEST(Commands, EveryOneHasHelpWithAnExample) {
-  for (const char* command : {"view", "train", "segment", "sample", "eval", "check", "draw", "run",
-                              "up", "stages"}) {
+  for (const char* command : {"view", "train", "segment", "sample", "picture", "eval", "check",
+                              "draw", "run", "up", "stages"}) {
     const Outcome outcome = run({"cosegraph", command, "--help"});
     EXPECT_EQ(outcome.status, 0) << command;
     EXPECT_THAT(outcome.output, HasSubstr("Example:")) << command;

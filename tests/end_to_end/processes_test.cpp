@@ -50,10 +50,15 @@ class Up : public testing::Test {
   }
 
   std::vector<std::string> command(const std::string& query) const {
-    return {"cosegraph", "up", world_.path("graph.yaml"),
-            "--param", "model.file=" + world_.path("model.coseg"),
-            "--param", "source.path=" + world_.path(query),
-            "--param", "sink.folder=" + world_.path("out")};
+    return {"cosegraph",
+            "up",
+            world_.path("graph.yaml"),
+            "--param",
+            "model.file=" + world_.path("model.coseg"),
+            "--param",
+            "source.path=" + world_.path(query),
+            "--param",
+            "sink.folder=" + world_.path("out")};
   }
 
   // Waits until stage processes are at work and a result has been written.

@@ -13,7 +13,9 @@ idl::FrameHeader frame(std::uint64_t sequence, std::uint64_t epoch = 1) {
   return {.epoch = epoch, .sequence = sequence};
 }
 
-Sample sample() { return std::make_shared<const idl::Bytes>(); }
+Sample sample() {
+  return std::make_shared<const idl::Bytes>();
+}
 
 TEST(Join, FrameIsReleasedOnceAllPortsHaveDelivered) {
   Join join({"a", "b"});

@@ -10,7 +10,9 @@ namespace {
 using idl::Outcome;
 using namespace std::chrono_literals;
 
-idl::FrameHeader frame(std::uint64_t sequence) { return {.epoch = 1, .sequence = sequence}; }
+idl::FrameHeader frame(std::uint64_t sequence) {
+  return {.epoch = 1, .sequence = sequence};
+}
 
 TEST(Ledger, FrameIsOpenUntilEveryLeafHasReported) {
   Ledger ledger({"sink", "recorder"}, 4);
@@ -40,8 +42,8 @@ TEST(Ledger, AccountClosesAtEveryMoment) {
   std::uint64_t next = 0;
   for (int step = 0; step < 3000; ++step) {
     if (ledger.has_room() && random.below(2) == 0) ledger.admit(frame(next++), Clock::now());
-    const auto outcome = std::array{Outcome::labelled, Outcome::consumed,
-                                    Outcome::failed}[random.below(3)];
+    const auto outcome =
+        std::array{Outcome::labelled, Outcome::consumed, Outcome::failed}[random.below(3)];
     ledger.done(random.below(2) == 0 ? "a" : "b", frame(random.below(next + 2)), {outcome});
     const idl::Account& account = ledger.account();
     ASSERT_EQ(account.admitted,

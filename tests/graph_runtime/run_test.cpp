@@ -2,7 +2,6 @@
 #include "graph/run.hpp"
 
 #include <gmock/gmock.h>
-#include <unistd.h>
 
 #include <mutex>
 #include <thread>
@@ -27,7 +26,9 @@ struct Seen {
 };
 Seen* seen = nullptr;
 
-Cloud number(float value) { return {.xyz = {value, 0, 0}, .width = 1}; }
+Cloud number(float value) {
+  return {.xyz = {value, 0, 0}, .width = 1};
+}
 
 class Numbers final : public SourceStage {
  public:
@@ -144,7 +145,7 @@ const StageTable kTable{{"numbers", factory<Numbers>()},
                         {"provider", factory<Provider>()}};
 
 constexpr auto kDiamond = R"(version: 1
-graph: GRAPH
+graph: diamond
 window: 3
 deadline: 20
 stages:
@@ -159,10 +160,7 @@ class Run : public testing::Test {
   void SetUp() override { seen = &seen_; }
   void TearDown() override { seen = nullptr; }
 
-  // A name of its own keeps graphs of concurrent tests apart.
-  static GraphDescription graph(std::string text = kDiamond) {
-    const std::string name = std::string("t") + std::to_string(::getpid());
-    text.replace(text.find("GRAPH"), 5, name);
+  static GraphDescription graph(const std::string& text = kDiamond) {
     std::vector<Fault> faults;
     GraphDescription result = parse(text, "test.yaml", faults);
     for (const auto& fault : check(result, catalog_of(kTable))) faults.push_back(fault);
@@ -263,7 +261,7 @@ TEST_F(Run, EmptyStreamEnds) {
 
 TEST_F(Run, FramesCarryTheModelTheyAreWorkedOnWith) {
   const RunReport report = run_in_process(graph(R"(version: 1
-graph: GRAPH
+graph: diamond
 stages:
   numbers: {use: numbers, inputs: {model: provider/model}}
   provider: {use: provider}
@@ -287,6 +285,21 @@ TEST_F(Run, LiveSourceDropsWhatItCannotAdmitAndCountsIt) {
   EXPECT_GT(report.account.dropped, 0U);
   EXPECT_EQ(report.account.admitted + report.account.dropped, 20U);
   EXPECT_EQ(report.account.admitted, report.account.labelled);
+}
+
+TEST_F(Run, ConcurrentRunsOfOneGraphDoNotMeet) {
+  GraphDescription first = graph();
+  set_param(first, "numbers", "count", {"60"});
+  set_param(first, "left", "value", {"100"});
+  RunReport other;
+  std::jthread beside([&] { other = run_in_process(graph(), kTable, {}); });
+  const RunReport report = run_in_process(first, kTable, {});
+  beside.join();
+  EXPECT_TRUE(report.fine()) << report.error;
+  EXPECT_TRUE(other.fine()) << other.error;
+  EXPECT_EQ(report.account.labelled, 60U);
+  EXPECT_EQ(other.account.labelled, 10U);
+  EXPECT_THAT(seen_.frames, SizeIs(70));
 }
 
 TEST_F(Run, CanBeInterrupted) {

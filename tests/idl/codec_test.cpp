@@ -26,6 +26,7 @@ Cloud example_cloud() {
           .scale = 2.5F,
           .recipe = "spacing=0.014",
           .dense_index = {3, kNoPoint},
+          .notes = {"reduced"},
           .width = 2,
           .height = 1};
 }
@@ -39,10 +40,8 @@ AppearanceModel example_appearance() {
           .encoding_recipe = "c=3",
           .channels = {{.name = "fpfh:0.08",
                         .dimension = 2,
-                        .projection = {.input = 2,
-                                       .output = 1,
-                                       .mean = {0.5F, 0.25F},
-                                       .basis = {1.0F, 0.0F}},
+                        .projection =
+                            {.input = 2, .output = 1, .mean = {0.5F, 0.25F}, .basis = {1.0F, 0.0F}},
                         .mixture = {.components = 1,
                                     .dimension = 1,
                                     .weight = {1.0F},
@@ -95,6 +94,7 @@ TEST(Codec, CloudSurvives) {
   EXPECT_EQ(after.scale, before.scale);
   EXPECT_EQ(after.recipe, before.recipe);
   EXPECT_EQ(after.dense_index, before.dense_index);
+  EXPECT_EQ(after.notes, before.notes);
   EXPECT_EQ(after.width, before.width);
   EXPECT_EQ(after.height, before.height);
 }
@@ -207,7 +207,8 @@ TEST(Codec, LayoutsEndWhereMessagesEnd) {
                                    .centroid = {0, 0, 0},
                                    .normal = {0, 0, 1},
                                    .point_count = {1},
-                                   .adjacency = {{0, 0}}}),
+                                   .adjacency = {{0, 0}},
+                                   .seed_resolution = 1.0F}),
             0U);
   EXPECT_EQ(whole_size(Descriptors{
                 .recipe = "r",
@@ -221,9 +222,9 @@ TEST(Codec, LayoutsEndWhereMessagesEnd) {
                                 .component = {0},
                                 .nearest_sample = {0}}),
             0U);
-  EXPECT_EQ(whole_size(Encodings{
-                .segment_count = 1, .dimension = 1, .segment = {0}, .value = {1.0F}}),
-            0U);
+  EXPECT_EQ(
+      whole_size(Encodings{.segment_count = 1, .dimension = 1, .segment = {0}, .value = {1.0F}}),
+      0U);
   EXPECT_EQ(whole_size(Scores{.label_names = {"a"}, .segment_count = 1, .probability = {1.0F}}),
             0U);
   EXPECT_EQ(whole_size(Labelling{.label_names = {"a"},
@@ -272,7 +273,8 @@ TEST(Codec, IndicesThatPointNowhereAreRefused) {
                           .centroid = {0, 0, 0},
                           .normal = {0, 0, 1},
                           .point_count = {1},
-                          .adjacency = {{0, 3}}};
+                          .adjacency = {{0, 3}},
+                          .seed_resolution = 1.0F};
   EXPECT_THROW(round_trip(supervoxels), InputError);
   Labelling labelling{.label_names = {"a"}, .segment_label = {1}, .segment_confidence = {1.0F}};
   EXPECT_THROW(round_trip(labelling), InputError);

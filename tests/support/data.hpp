@@ -15,7 +15,7 @@ inline std::filesystem::path data_folder() {
 }  // namespace cosegraph::test
 
 // Ends the current test as skipped where `path` (relative to the data folder) is absent.
-#define COSEGRAPH_NEEDS_DATA(path)                                                    \
-  if (!std::filesystem::exists(cosegraph::test::data_folder() / (path)))              \
-  GTEST_SKIP() << "no " << (cosegraph::test::data_folder() / (path))                  \
+#define COSEGRAPH_NEEDS_DATA(path)                                       \
+  if (!std::filesystem::exists(cosegraph::test::data_folder() / (path))) \
+  GTEST_SKIP() << "no " << (cosegraph::test::data_folder() / (path))     \
                << ": set COSEGRAPH_DATA to the folder with the benchmark data"

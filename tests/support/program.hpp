@@ -87,6 +87,8 @@ class Program {
 };
 
 // Runs `cosegraph` (or another of the project's programs) to its end.
-inline Outcome run(std::vector<std::string> words) { return Program(std::move(words)).wait(); }
+inline Outcome run(std::vector<std::string> words) {
+  return Program(std::move(words)).wait();
+}
 
 }  // namespace cosegraph::test

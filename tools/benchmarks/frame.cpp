@@ -28,10 +28,11 @@ void bench_config(const Subject& subject, const std::string& name, int repeats) 
       cpu.push_back(spent.cpu);
       for (const auto& [stage, milliseconds] : times) per_stage[stage].push_back(milliseconds);
     }
-  std::printf("%-14s train (%zu views): wall %7.0f ms, cpu %7.0f ms   query: wall %6.1f ms, "
-              "cpu %6.1f ms\n",
-              name.c_str(), subject.reference.size(), median(train_wall), median(train_cpu),
-              median(wall), median(cpu));
+  std::printf(
+      "%-14s train (%zu views): wall %7.0f ms, cpu %7.0f ms   query: wall %6.1f ms, "
+      "cpu %6.1f ms\n",
+      name.c_str(), subject.reference.size(), median(train_wall), median(train_cpu), median(wall),
+      median(cpu));
   for (const auto& [stage, milliseconds] : per_stage)
     std::printf("    %-14s %8.2f ms\n", stage.c_str(), median(milliseconds));
 }

@@ -23,12 +23,11 @@ namespace fs = std::filesystem;
 void direct(const fs::path& file, const Model& model, const pipeline::Config& config,
             const fs::path& folder, std::vector<sink::Result>& results) {
   const pipeline::Result result = pipeline::segment(io::read_cloud(file), model, config);
-  const sink::Labelled labelled =
-      sink::to_input(result.features.frame.input, result.labelling);
+  const sink::Labelled labelled = sink::to_input(result.features.frame.input, result.labelling);
   const io::Column confidence{.name = "confidence", .value = labelled.confidence};
   io::write_cloud(folder / file.filename(), labelled.cloud, {&confidence, 1});
-  results.push_back(sink::result_of(file.stem(), result.features.frame.input, result.segments,
-                                    result.labelling));
+  results.push_back(
+      sink::result_of(file.stem(), result.features.frame.input, result.segments, result.labelling));
   io::write_file(folder / "results.json", sink::results_json(results));
 }
 
@@ -70,8 +69,8 @@ int bench_overhead(int frames) {
   fs::create_directories(folder / "direct");
   const Spent calls = measure([&] {
     for (int i = 0; i < frames; ++i)
-      direct(folder / "long" / ("q" + std::to_string(i) + ".ply"), model, config,
-             folder / "direct", results);
+      direct(folder / "long" / ("q" + std::to_string(i) + ".ply"), model, config, folder / "direct",
+             results);
   });
   const double per_call = calls.wall / frames;
   std::printf("overhead: %s, fpfh+fv, %d frames, one thread per stage\n", subject.name.c_str(),

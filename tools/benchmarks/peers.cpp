@@ -36,8 +36,8 @@ pcl::PointCloud<pcl::Normal>::Ptr normals_of(const Cloud& cloud) {
 }
 
 void stock_supervoxels(const CloudPtr& cloud, float scale, const supervoxels::Params& params) {
-  pcl::SupervoxelClustering<pcl::PointXYZRGBA> clustering(
-      static_cast<float>(params.voxel) * scale, static_cast<float>(params.seed) * scale);
+  pcl::SupervoxelClustering<pcl::PointXYZRGBA> clustering(static_cast<float>(params.voxel) * scale,
+                                                          static_cast<float>(params.seed) * scale);
   clustering.setUseSingleCameraTransform(false);
   clustering.setInputCloud(cloud);
   clustering.setColorImportance(static_cast<float>(params.color_weight));
@@ -47,14 +47,14 @@ void stock_supervoxels(const CloudPtr& cloud, float scale, const supervoxels::Pa
   clustering.extract(clusters);
 }
 
-template <class Estimation>
+template <class Signature, class Estimation>
 void stock_descriptor(const Cloud& cloud, double radius) {
   Estimation estimation;
   estimation.setInputCloud(to_pcl(cloud));
   estimation.setInputNormals(normals_of(cloud));
   estimation.setSearchMethod(std::make_shared<pcl::search::KdTree<pcl::PointXYZRGBA>>());
   estimation.setRadiusSearch(radius * cloud.scale);
-  pcl::PointCloud<typename Estimation::PointOutT> output;
+  pcl::PointCloud<Signature> output;
   estimation.compute(output);
 }
 
@@ -93,17 +93,18 @@ int bench_peers(int repeats) {
     compare(
         params.channels[0].c_str(), repeats, [&] { descriptors::compute(cloud, params); },
         [&] {
-          stock_descriptor<
-              pcl::FPFHEstimation<pcl::PointXYZRGBA, pcl::Normal, pcl::FPFHSignature33>>(cloud,
-                                                                                         radius);
+          stock_descriptor<pcl::FPFHSignature33, pcl::FPFHEstimation<pcl::PointXYZRGBA, pcl::Normal,
+                                                                     pcl::FPFHSignature33>>(cloud,
+                                                                                            radius);
         });
   }
   descriptors::Params params{.channels = {"shot:0.13:0"}, .threads = 1};
   compare(
       "shot:0.13, every point", repeats, [&] { descriptors::compute(cloud, params); },
       [&] {
-        stock_descriptor<pcl::SHOTEstimation<pcl::PointXYZRGBA, pcl::Normal, pcl::SHOT352>>(cloud,
-                                                                                           0.13);
+        stock_descriptor<pcl::SHOT352,
+                         pcl::SHOTEstimation<pcl::PointXYZRGBA, pcl::Normal, pcl::SHOT352>>(cloud,
+                                                                                            0.13);
       });
   return 0;
 }

@@ -18,9 +18,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-graph::Catalog catalog() { return graph::catalog_of(stage_table()); }
+graph::Catalog catalog() {
+  return graph::catalog_of(stage_table());
+}
 
-// -- check, draw -----------------------------------------------------------------------------------
+// -- check, draw
+// -----------------------------------------------------------------------------------
 
 int check_graph(const std::string& file) {
   const graph::GraphDescription graph = graph::load(file, catalog());
@@ -68,7 +71,8 @@ int draw_graph(const std::string& file, const std::string& output) {
   return 0;
 }
 
-// -- run, up ---------------------------------------------------------------------------------------
+// -- run, up
+// ---------------------------------------------------------------------------------------
 
 struct RunArguments {
   std::string file;
@@ -85,7 +89,8 @@ int run(const RunArguments& arguments, Processes processes) {
   return report.fine() ? 0 : 1;
 }
 
-// -- stages ----------------------------------------------------------------------------------------
+// -- stages
+// ----------------------------------------------------------------------------------------
 
 const char* type_text(FieldType type) {
   switch (type) {
@@ -172,11 +177,11 @@ void print_stage(const graph::StageInfo& info) {
   print_ports("out", info.outputs);
   for (const auto& field : info.parameters) {
     const std::string bounds = bounds_text(field);
-    std::printf("  param  %s = %s%s%s%s\n           %s\n", field.name.c_str(),
-                field.type == FieldType::list ? ("[" + field.text() + "]").c_str()
-                                              : field.text().c_str(),
-                field.unit.empty() ? "" : (" " + field.unit).c_str(),
-                bounds.empty() ? "" : "  in ", bounds.c_str(), field.doc.c_str());
+    std::printf(
+        "  param  %s = %s%s%s%s\n           %s\n", field.name.c_str(),
+        field.type == FieldType::list ? ("[" + field.text() + "]").c_str() : field.text().c_str(),
+        field.unit.empty() ? "" : (" " + field.unit).c_str(), bounds.empty() ? "" : "  in ",
+        bounds.c_str(), field.doc.c_str());
   }
 }
 

@@ -26,7 +26,8 @@ void make_folder(const fs::path& folder) {
   if (error) throw InputError(folder.string() + ": cannot be made: " + error.message());
 }
 
-// -- view ------------------------------------------------------------------------------------------
+// -- view
+// ------------------------------------------------------------------------------------------
 
 struct ViewArguments {
   std::string mesh;
@@ -38,13 +39,11 @@ struct ViewArguments {
 int view(const ViewArguments& arguments) {
   const Mesh mesh = inputs::read_labelled_mesh(arguments.mesh, arguments.labels);
   const std::vector<camera::View> views = camera::choose_views(mesh, arguments.camera);
-  if (views.empty())
-    throw InputError(arguments.mesh + ": no view shows enough of every part");
+  if (views.empty()) throw InputError(arguments.mesh + ": no view shows enough of every part");
   make_folder(arguments.output);
   const std::string stem = fs::path(arguments.mesh).stem().string();
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const Cloud cloud =
-        camera::render(mesh, views[i].direction, views[i].roll, arguments.camera);
+    const Cloud cloud = camera::render(mesh, views[i].direction, views[i].roll, arguments.camera);
     const fs::path file =
         fs::path(arguments.output) / (stem + "-view" + std::to_string(i) + ".ply");
     io::write_cloud(file, finite_points(cloud));
@@ -55,7 +54,8 @@ int view(const ViewArguments& arguments) {
   return 0;
 }
 
-// -- train -----------------------------------------------------------------------------------------
+// -- train
+// -----------------------------------------------------------------------------------------
 
 struct TrainArguments {
   std::string reference;
@@ -82,8 +82,7 @@ int train(const TrainArguments& arguments) {
       graph::load(shipped_graph("train"), graph::catalog_of(stage_table()));
   if (!config.with_spectra) remove_spectra(graph);
   graph::set_param(graph, "source", "path", {arguments.reference});
-  if (!arguments.labels.empty())
-    graph::set_param(graph, "source", "labels", {arguments.labels});
+  if (!arguments.labels.empty()) graph::set_param(graph, "source", "labels", {arguments.labels});
   graph::set_param(graph, "training", "file", {arguments.output});
   configure(graph, "source", describe(config.source));
   configure(graph, "descriptors", describe(config.descriptors));
@@ -98,7 +97,8 @@ int train(const TrainArguments& arguments) {
   return report.fine() ? 0 : 1;
 }
 
-// -- segment ---------------------------------------------------------------------------------------
+// -- segment
+// ---------------------------------------------------------------------------------------
 
 struct SegmentArguments {
   std::string model;
@@ -118,7 +118,12 @@ pipeline::Config query_config(const SegmentArguments& arguments, const Model& mo
   pipeline::Config config;
   config.astar.spatial = astar::Spatial::iso;
   if (!arguments.config.empty()) config = pipeline::config_from_name(arguments.config);
-  pipeline::adopt_model(model, config);
+  try {
+    pipeline::adopt_model(model, config);
+  } catch (const ParameterError& error) {
+    throw MismatchError(arguments.model +
+                        ": made by another version of cosegraph: " + error.what());
+  }
   if (arguments.config.empty()) return config;
   // A configuration given by name must be one that this model can serve.
   const pipeline::Config named = pipeline::config_from_name(arguments.config);
@@ -131,8 +136,7 @@ pipeline::Config query_config(const SegmentArguments& arguments, const Model& mo
   pipeline::Config wanted = named;
   differ("descriptors", descriptors::recipe_of(wanted.descriptors),
          model.appearance.descriptor_recipe);
-  differ("encodings", recipe(describe(wanted.training.encoding)),
-         model.appearance.encoding_recipe);
+  differ("encodings", recipe(describe(wanted.training.encoding)), model.appearance.encoding_recipe);
   if (named.with_spectra && model.relation.spectrum_recipe.empty())
     throw MismatchError(arguments.model + ": the model has no spatial relations, --config " +
                         arguments.config + " needs them");
@@ -147,14 +151,15 @@ void print_results(const fs::path& folder) {
     if (frame.contains("accuracy"))
       std::printf("  accuracy %5.1f %%  majority floor %5.1f %%  oracle %5.1f %%",
                   100 * frame["accuracy"].get<double>(),
-                  100 * frame["majority_floor"].get<double>(),
-                  100 * frame["oracle"].get<double>());
+                  100 * frame["majority_floor"].get<double>(), 100 * frame["oracle"].get<double>());
     if (!frame["proven_optimal"].get<bool>())
       std::printf("  not proven optimal, gap at most %.3g", frame["gap"].get<double>());
     if (frame.contains("unknown_labels"))
       for (const auto& label : frame["unknown_labels"])
         std::printf("  (the model does not know '%s')", label.get<std::string>().c_str());
     std::printf("\n");
+    for (const auto& note : frame["notes"])
+      std::printf("    %s\n", note.get<std::string>().c_str());
   }
   if (results.contains("mean"))
     std::printf("mean of %d frames: accuracy %.1f %%, majority floor %.1f %%, oracle %.1f %%\n",
@@ -211,21 +216,22 @@ void add_job_commands(CLI::App& app, const Choose& choose) {
 
   auto* train_command = app.add_subcommand("train", "Learns a model from one labelled reference");
   auto training = std::make_shared<TrainArguments>();
-  train_command->add_option("--reference", training->reference,
-                            "labelled mesh, or folder of labelled single-view clouds")
+  train_command
+      ->add_option("--reference", training->reference,
+                   "labelled mesh, or folder of labelled single-view clouds")
       ->required();
   train_command->add_option("--labels", training->labels,
                             "benchmark label file; default NAME_labels.txt beside the mesh");
   train_command->add_option("--config", training->config, "configuration, as fpfh+fv+iso or best")
       ->capture_default_str();
   train_command->add_option("-o,--output", training->output, "model file")->required();
-  train_command->add_option("--param", training->params,
-                            "STAGE.NAME=VALUE, may be repeated; see 'cosegraph stages'")
+  train_command
+      ->add_option("--param", training->params,
+                   "STAGE.NAME=VALUE, may be repeated; see 'cosegraph stages'")
       ->take_all();
   train_command->add_flag("--json", training->json, "the report as JSON");
   train_command->add_flag("--processes", training->processes, "one process per stage");
-  train_command->footer(
-      "Example:\n  cosegraph train --reference shapes/mug1.off -o mug.coseg");
+  train_command->footer("Example:\n  cosegraph train --reference shapes/mug1.off -o mug.coseg");
   train_command->callback([=] { choose([=] { return train(*training); }); });
 
   auto* segment_command = app.add_subcommand("segment", "Labels query clouds with a model");
@@ -239,8 +245,9 @@ void add_job_commands(CLI::App& app, const Choose& choose) {
   segment_command->add_flag("--picture", job->picture, "a PNG per query");
   segment_command->add_option("--reference", job->reference,
                               "labelled cloud shown beside the query in the pictures");
-  segment_command->add_option("--param", job->params,
-                              "STAGE.NAME=VALUE, may be repeated; see 'cosegraph stages'")
+  segment_command
+      ->add_option("--param", job->params,
+                   "STAGE.NAME=VALUE, may be repeated; see 'cosegraph stages'")
       ->take_all();
   segment_command->add_option("--window", job->window, "frames in flight, at most")
       ->check(CLI::Range(1, 64))

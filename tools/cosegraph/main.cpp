@@ -6,7 +6,8 @@
 
 int main(int argc, char** argv) {
   using namespace cosegraph;
-  CLI::App app("Labels the parts of objects in single-view point clouds after one labelled example.");
+  CLI::App app(
+      "Labels the parts of objects in single-view point clouds after one labelled example.");
   app.name("cosegraph");
   app.require_subcommand(1);
   app.set_version_flag("--version", "cosegraph " COSEGRAPH_VERSION);
@@ -19,6 +20,7 @@ int main(int argc, char** argv) {
   const tools::Choose choose = [&](tools::Action chosen) { action = std::move(chosen); };
   tools::add_sample_command(app, choose);
   tools::add_job_commands(app, choose);
+  tools::add_picture_command(app, choose);
   tools::add_eval_command(app, choose);
   tools::add_graph_commands(app, choose);
   try {

@@ -18,7 +18,9 @@ namespace fs = std::filesystem;
 
 std::atomic<bool> stop_asked = false;
 
-fs::path executable_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
+fs::path executable_folder() {
+  return fs::read_symlink("/proc/self/exe").parent_path();
+}
 
 // One line that is rewritten on a terminal; on a file a line per change of the counts.
 class ProgressLine {
@@ -120,8 +122,8 @@ nlohmann::ordered_json to_json(const graph::RunReport& report,
 graph::RunReport run_graph(const graph::GraphDescription& graph, Processes processes) {
   const StopSignals signals;
   ProgressLine progress;
-  graph::RunOptions options{
-      .on_update = [&](const auto& stages) { progress.update(stages); }, .stop = &stop_asked};
+  graph::RunOptions options{.on_update = [&](const auto& stages) { progress.update(stages); },
+                            .stop = &stop_asked};
   if (processes == Processes::one) return graph::run_in_process(graph, stage_table(), options);
   return graph::run_processes(graph, graph::catalog_of(stage_table()), options,
                               {.executables = executable_folder(),
@@ -130,8 +132,7 @@ graph::RunReport run_graph(const graph::GraphDescription& graph, Processes proce
                                }});
 }
 
-void print_report(const graph::RunReport& report, const graph::GraphDescription& graph,
-                  bool json) {
+void print_report(const graph::RunReport& report, const graph::GraphDescription& graph, bool json) {
   print_failures(report);
   if (json) {
     std::cout << to_json(report, graph).dump(2) << '\n';

@@ -41,8 +41,7 @@ void write_sequence(sample::Kind kind, const SampleArguments& arguments) {
   sample::SequenceParams params = arguments.sequence;
   params.frames = arguments.frames;
   params.seed = arguments.seed;
-  const std::vector<Cloud> frames =
-      sample::sequence(sample::make(kind, arguments.seed), params);
+  const std::vector<Cloud> frames = sample::sequence(sample::make(kind, arguments.seed), params);
   for (std::size_t i = 0; i < frames.size(); ++i) {
     char name[32];
     std::snprintf(name, sizeof name, "frame%03zu.ply", i);
@@ -68,7 +67,8 @@ int make_samples(const SampleArguments& arguments) {
 }
 
 // Fields of a Params as options of a command: --start-azimuth for start_azimuth.
-void add_fields(CLI::App& command, const Fields& fields, const std::vector<std::string>& leave_out) {
+void add_fields(CLI::App& command, const Fields& fields,
+                const std::vector<std::string>& leave_out) {
   for (const auto& field : fields) {
     if (std::ranges::find(leave_out, field.name) != leave_out.end()) continue;
     std::string option = "--" + field.name;
@@ -97,16 +97,16 @@ void add_sample_command(CLI::App& app, const Choose& choose) {
   for (const auto& [kind, name] : names<sample::Kind>())
     kinds += (kinds.empty() ? "" : ", ") + std::string(name);
   command->add_option("-o,--output", arguments->output, "folder")->required();
-  command->add_option("--kind", arguments->kinds, "of " + kinds + "; default: all")
-      ->delimiter(',');
+  command->add_option("--kind", arguments->kinds, "of " + kinds + "; default: all")->delimiter(',');
   command->add_option("--count", arguments->count, "shapes per kind")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "of the first shape; the next one has the next")
       ->capture_default_str();
-  command->add_option("--sequence", arguments->frames,
-                      "instead of meshes this many labelled frames of a depth camera that moves "
-                      "around the shape of --seed")
+  command
+      ->add_option("--sequence", arguments->frames,
+                   "instead of meshes this many labelled frames of a depth camera that moves "
+                   "around the shape of --seed")
       ->check(CLI::Range(1, 100000));
   add_fields(*command, describe(arguments->sequence), {"frames", "seed"});
   command->footer(

@@ -1,0 +1,76 @@
+#include "sink/results.hpp"
+
+#include <gmock/gmock.h>
+
+#include <nlohmann/json.hpp>
+
+namespace cosegraph::sink {
+namespace {
+
+using testing::ElementsAre;
+
+// Four input points, one of them removed; dense points 0 1 2 in segments 0 0 1.
+const Cloud kInput{.xyz = {0, 0, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1},
+                   .label = {0, 0, 1, 1},
+                   .label_names = {"body", "handle"},
+                   .dense_index = {0, 1, 2, kNoPoint},
+                   .notes = {"one point removed"},
+                   .width = 4};
+const Segments kSegments{.of_supervoxel = {0, 1}, .of_point = {0, 0, 1}, .count = 2};
+const Labelling kLabelling{.label_names = {"body", "handle"},
+                           .majority = 0,
+                           .segment_label = {0, 0},
+                           .segment_confidence = {0.9F, 0.6F},
+                           .point_label = {0, 0, 0},
+                           .point_confidence = {0.9F, 0.9F, 0.6F},
+                           .energy = 1.5,
+                           .proven_optimal = true};
+
+TEST(Results, CountOnlyPointsThatWereNotRemoved) {
+  const Result result = result_of("mug", kInput, kSegments, kLabelling);
+  EXPECT_EQ(result.points, 4);
+  EXPECT_EQ(result.labelled_points, 3);
+  EXPECT_THAT(result.points_per_label, ElementsAre(3, 0));
+  EXPECT_NEAR(result.mean_confidence, 0.8, 1e-6);
+  ASSERT_TRUE(result.evaluation);
+  EXPECT_NEAR(result.evaluation->accuracy, 2.0 / 3.0, 1e-12);
+}
+
+TEST(Results, JsonHoldsFramesAndTheirMean) {
+  Result labelled = result_of("mug", kInput, kSegments, kLabelling);
+  Result bare = labelled;
+  bare.name = "scan";
+  bare.evaluation.reset();
+  const auto json = nlohmann::json::parse(results_json(std::vector{labelled, bare}));
+  ASSERT_EQ(json["frames"].size(), 2U);
+  EXPECT_EQ(json["frames"][0]["points_per_label"]["body"], 3);
+  EXPECT_EQ(json["frames"][0]["notes"][0], "one point removed");
+  EXPECT_FALSE(json["frames"][1].contains("accuracy"));
+  EXPECT_EQ(json["mean"]["frames"], 1);
+  EXPECT_NEAR(json["mean"]["accuracy"].get<double>(), 2.0 / 3.0, 1e-12);
+}
+
+TEST(Results, WithoutTrueLabelsThereIsNoMean) {
+  EXPECT_FALSE(nlohmann::json::parse(results_json({})).contains("mean"));
+}
+
+TEST(Results, PictureIsWiderWithReferenceAndTrueLabels) {
+  const PictureOf with{.name = "mug",
+                       .input = &kInput,
+                       .segments = &kSegments,
+                       .labelling = &kLabelling,
+                       .reference = &kInput};
+  Cloud bare = kInput;
+  bare.label.clear();
+  bare.label_names.clear();
+  const PictureOf without{
+      .name = "mug", .input = &bare, .segments = &kSegments, .labelling = &kLabelling};
+  // Bytes 16..19 of a PNG are its width, big endian.
+  const auto width = [](const std::string& png) {
+    return static_cast<unsigned char>(png[18]) * 256 + static_cast<unsigned char>(png[19]);
+  };
+  EXPECT_GT(width(picture_of(with)), width(picture_of(without)));
+}
+
+}  // namespace
+}  // namespace cosegraph::sink
