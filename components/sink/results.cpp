@@ -1,5 +1,7 @@
 #include "sink/results.hpp"
 
+#include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 namespace cosegraph::sink {
@@ -11,6 +13,14 @@ std::vector<std::int32_t> on_input(const Cloud& input, const std::vector<std::in
   for (std::size_t i = 0; i < result.size(); ++i)
     if (const std::int32_t d = input.dense_index[i]; d != kNoPoint) result[i] = dense.at(d);
   return result;
+}
+
+// `input` with the points that were removed from it as NaN: what a picture of the object shows.
+Cloud object_of(const Cloud& input) {
+  Cloud object = input;
+  for (std::size_t i = 0; i < input.size(); ++i)
+    if (input.dense_index[i] == kNoPoint) object.xyz[3 * i] = std::nanf("");
+  return object;
 }
 
 std::string percent(double fraction) {
@@ -91,6 +101,7 @@ std::string results_json(std::span<const Result> results) {
 std::string picture_of(const PictureOf& frame) {
   const Labelling& labelling = *frame.labelling;
   const auto evaluation = evaluate(*frame.input, *frame.segments, labelling);
+  const Cloud object = object_of(*frame.input);
   std::vector<Panel> panels;
   if (frame.reference != nullptr)
     panels.push_back({.title = "reference",
@@ -104,18 +115,18 @@ std::string picture_of(const PictureOf& frame) {
                     .group = std::vector<std::int32_t>(frame.input->size(), kNoLabel)});
   panels.push_back({.title = "segments",
                     .subtitle = std::to_string(frame.segments->count) + " part candidates",
-                    .cloud = frame.input,
+                    .cloud = &object,
                     .group = on_input(*frame.input, frame.segments->of_point)});
   panels.push_back({.title = "labels",
                     .subtitle = evaluation ? "accuracy " + percent(evaluation->accuracy) : "",
-                    .cloud = frame.input,
+                    .cloud = &object,
                     .group = on_input(*frame.input, labelling.point_label),
                     .names = labelling.label_names});
   if (evaluation)
     panels.push_back({.title = "true labels",
                       .subtitle = "floor " + percent(evaluation->floor) + ", oracle " +
                                   percent(evaluation->oracle),
-                      .cloud = frame.input,
+                      .cloud = &object,
                       .group = frame.input->label,
                       .names = frame.input->label_names});
   return draw_png(panels, static_cast<int>(panels.size()));

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <ranges>
 
 #include "core/nearest.hpp"
 #include "source/grid.hpp"
@@ -105,13 +106,19 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr to_pcl(const std::vector<float>& xyz) {
   return cloud;
 }
 
+// Twice the signed area of a triangle: positive if `c` lies to the left of the line from a to b.
+double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
+  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+}
+
 struct Plane {
   Eigen::Vector4d coefficients;
   double tolerance;
 
-  bool holds(const float* p) const {
-    return std::abs(coefficients.dot(Eigen::Vector4d(p[0], p[1], p[2], 1.0))) <= tolerance;
+  double height(const float* p) const {
+    return coefficients.dot(Eigen::Vector4d(p[0], p[1], p[2], 1.0));
   }
+  bool holds(const float* p) const { return std::abs(height(p)) <= tolerance; }
 };
 
 // At most kPlanePoints of the points in candidate cells, evenly picked in their order.
@@ -201,6 +208,58 @@ std::vector<char> on_plane(const std::vector<float>& xyz, const Plane& plane) {
   return flags;
 }
 
+// The convex outline of points in a plane: Andrew's monotone chain, counter-clockwise.
+std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
+  std::ranges::sort(points, [](const auto& a, const auto& b) {
+    return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
+  });
+  std::vector<Eigen::Vector2d> hull;
+  const auto add_chain = [&hull](const auto& chain) {
+    const std::size_t base = hull.size();
+    for (const auto& point : chain) {
+      while (hull.size() >= base + 2 && cross(hull[hull.size() - 2], hull.back(), point) <= 0.0)
+        hull.pop_back();
+      hull.push_back(point);
+    }
+    hull.pop_back();  // the first of the other chain
+  };
+  add_chain(points);
+  add_chain(points | std::views::reverse);
+  return hull;
+}
+
+// Which cells stand on the plane: on the sensor's side of it (the sensor is at the origin), over
+// the outline of its largest connected piece. What is behind the table's edge does not.
+std::vector<char> over_plane(const std::vector<float>& xyz, const Plane& plane,
+                             const std::vector<char>& in_plane, double tolerance) {
+  const Eigen::Vector3d normal = plane.coefficients.head<3>();
+  const Eigen::Vector3d first = normal.unitOrthogonal();
+  const Eigen::Vector3d second = normal.cross(first);
+  const auto projected = [&](std::size_t i) -> Eigen::Vector2d {
+    const Eigen::Vector3d p(xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]);
+    return {first.dot(p), second.dot(p)};
+  };
+  Indices support;
+  for (std::size_t i = 0; i < in_plane.size(); ++i)
+    if (in_plane[i]) support.push_back(static_cast<std::int32_t>(i));
+  const auto pieces = clusters_of(gathered(xyz, support), tolerance);
+  std::vector<Eigen::Vector2d> table;
+  for (const auto i : pieces.front().indices)
+    table.push_back(projected(static_cast<std::size_t>(support[static_cast<std::size_t>(i)])));
+  const auto hull = convex_hull(std::move(table));
+
+  const float origin[3] = {0.0F, 0.0F, 0.0F};
+  const double sensor_side = plane.height(origin) < 0.0 ? -1.0 : 1.0;
+  std::vector<char> flags(in_plane.size(), 0);
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    const Eigen::Vector2d p = projected(i);
+    flags[i] = !in_plane[i] && sensor_side * plane.height(&xyz[3 * i]) > 0.0;
+    for (std::size_t k = 0; flags[i] && k < hull.size(); ++k)
+      flags[i] = cross(hull[k], hull[(k + 1) % hull.size()], p) >= 0.0;
+  }
+  return flags;
+}
+
 void keep_cluster(Scene& scene, const Extraction& extraction, std::vector<std::string>& notes) {
   const auto clusters = clusters_of(scene.xyz(), extraction.cluster_tolerance);
   const auto wanted = static_cast<std::size_t>(extraction.cluster);
@@ -229,11 +288,16 @@ std::vector<std::int32_t> object_points(std::span<const float> xyz, const Extrac
                                     extraction.plane_tolerance);
   if (plane) {
     std::vector<char> flags = on_plane(scene.xyz(), *plane);
-    for (auto& flag : flags) flag = !flag;
+    if (extraction.standing && extraction.cluster_tolerance > 0.0) {
+      flags = over_plane(scene.xyz(), *plane, flags, extraction.cluster_tolerance);
+    } else {
+      for (auto& flag : flags) flag = !flag;
+    }
     scene.keep(flags);
-    notes.emplace_back("the dominant plane was removed");
+    notes.emplace_back(extraction.standing ? "only what stands on the dominant plane was kept"
+                                           : "the dominant plane was removed");
   }
-  if (scene.size() == 0) throw InputError("the dominant plane holds all points of the scene");
+  if (scene.size() == 0) throw InputError("nothing stands on the dominant plane of the scene");
   if (extraction.cluster_tolerance > 0.0) keep_cluster(scene, extraction, notes);
 
   const std::vector<char> candidate = scene.candidates(cells.count);

@@ -143,6 +143,8 @@ Fields describe(Extraction& extraction) {
                    "Points farther from their neighbours than mean + sigma deviations go."),
       number_field("plane_tolerance", extraction.plane_tolerance, 0.0, 10.0, "m",
                    "Distance to the dominant plane at which points go with it; 0: it stays."),
+      boolean_field("standing", extraction.standing,
+                    "Keep only what stands on the plane: above it, over its outline."),
       number_field("cluster_tolerance", extraction.cluster_tolerance, 0.0, 100.0, "m",
                    "Gap that separates Euclidean clusters; 0: all points are one."),
       integer_field("cluster", extraction.cluster, 0, 1000000, "",

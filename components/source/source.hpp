@@ -39,6 +39,8 @@ struct Extraction {
   double outlier_sigma = 2.0;       // points farther than mean + sigma deviations go
   double plane_tolerance = 0.01;    // dominant plane (table, floor) removed, in m; 0: none.
                                     // A plane with less than a fifth of the scene is left alone
+  bool standing = true;             // with a plane: only what stands on it, on the sensor's side
+                                    // and over the outline of its largest connected piece
   double cluster_tolerance = 0.02;  // Euclidean clusters, in m; 0: all points are one
   int cluster = 0;                  // which cluster to keep, 0 = largest (by occupied cells)
 };

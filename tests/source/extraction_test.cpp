@@ -41,7 +41,20 @@ TEST(Extraction, FindsTheLargestObjectOnATable) {
   EXPECT_GT(kept_between(frame, kTablePoints, ball_end), kBallPoints * 85 / 100);
   EXPECT_EQ(kept_between(frame, ball_end, ball_end + kSmallPoints), 0U);
   EXPECT_LE(kept_between(frame, ball_end + kSmallPoints, frame.input.size()), 1U);
-  EXPECT_THAT(frame.notes, testing::Contains(testing::HasSubstr("plane was removed")));
+  EXPECT_THAT(frame.notes, testing::Contains(testing::HasSubstr("stands on the dominant plane")));
+}
+
+// A wall behind the table is larger than anything on it.
+TEST(Extraction, LeavesAWallBehindTheTableOut) {
+  Cloud with_wall = scene();
+  const std::size_t before = with_wall.size();
+  for (int i = 0; i < 150; ++i)
+    for (int j = 0; j < 60; ++j) test::add_point(with_wall, -0.75 + 0.01 * i, 0.8, 1.97 - 0.01 * j);
+  const Frame frame = prepare(with_wall, {.enabled = true}, {});
+  EXPECT_EQ(kept_between(frame, before, frame.input.size()), 0U);
+  EXPECT_GT(kept_between(frame, kTablePoints, kTablePoints + kBallPoints), kBallPoints * 85 / 100);
+  const Frame all = prepare(with_wall, {.enabled = true, .standing = false}, {});
+  EXPECT_GT(kept_between(all, before, all.input.size()), 8000U) << "the wall is the largest";
 }
 
 TEST(Extraction, KeepsTheClusterThatIsAskedFor) {
