@@ -68,6 +68,28 @@ Duration_t milliseconds(int value) {
   return {0, static_cast<std::uint32_t>(value) * 1'000'000U};
 }
 
+rtps::Locator_t udp_locator(const std::string& field, const std::string& address,
+                            std::uint32_t port) {
+  rtps::Locator_t locator;
+  locator.kind = LOCATOR_KIND_UDPv4;
+  if (!rtps::IPLocator::setIPv4(locator, address))
+    throw Error(field + ": '" + address + "' is not an IPv4 address");
+  locator.port = port;
+  return locator;
+}
+
+// Makes the participant a client of the discovery server with id 0 at "HOST:PORT".
+void set_server(const std::string& server, rtps::DiscoverySettings& discovery) {
+  const std::size_t colon = server.rfind(':');
+  rtps::RemoteServerAttributes remote;
+  remote.ReadguidPrefix("44.53.00.5f.45.50.52.4f.53.49.4d.41");  // of `-i 0`, fixed by Fast DDS
+  remote.metatrafficUnicastLocatorList.push_back(
+      udp_locator("dds.discovery.server", server.substr(0, colon),
+                  static_cast<std::uint32_t>(std::stoul(server.substr(colon + 1)))));
+  discovery.discoveryProtocol = rtps::DiscoveryProtocol_t::CLIENT;
+  discovery.m_DiscoveryServers.push_back(remote);
+}
+
 dds::DomainParticipantQos participant_qos(const GraphDescription& graph,
                                           const ParticipantOptions& options) {
   dds::DomainParticipantQos qos;
@@ -90,13 +112,9 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph,
   discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
   if (graph.dds.discovery == Discovery::peers)
-    for (const auto& peer : graph.dds.peers) {
-      rtps::Locator_t locator;
-      locator.kind = LOCATOR_KIND_UDPv4;
-      if (!rtps::IPLocator::setIPv4(locator, peer))
-        throw Error("dds.peers: '" + peer + "' is not an IPv4 address");
-      qos.wire_protocol().builtin.initialPeersList.push_back(locator);
-    }
+    for (const auto& peer : graph.dds.peers)
+      qos.wire_protocol().builtin.initialPeersList.push_back(udp_locator("dds.peers", peer, 0));
+  if (graph.dds.discovery == Discovery::server) set_server(graph.dds.server, discovery);
   return qos;
 }
 

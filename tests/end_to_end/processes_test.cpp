@@ -143,6 +143,27 @@ TEST_F(Up, StageThatIsRestartedFinishesTheStream) {
               HasSubstr("admitted 100 = labelled 100 + consumed 0 + failed 0; dropped 0"));
 }
 
+TEST_F(Up, StageMayBeAProgramOfItsOwn) {
+  std::string text = slurp(world_.path("graph.yaml"));
+  text.replace(text.find("    use: cpc\n"), 13,
+               "    exec: " COSEGRAPH_BINARY_DIR "/bin/cosegraph-cpc\n"
+               "    outputs: {segments: Segments}\n");
+  std::ofstream(world_.path("graph.yaml")) << text;
+  const Outcome outcome = run(command("queries"));
+  EXPECT_EQ(outcome.status, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output, HasSubstr("labelled 2"));
+}
+
+// Without multicast: participants of this host find each other by its address.
+TEST_F(Up, FindsItsStagesByPeers) {
+  std::string text = slurp(world_.path("graph.yaml"));
+  text.insert(text.find("window:"), "dds: {discovery: {peers: [127.0.0.1]}}\n");
+  std::ofstream(world_.path("graph.yaml")) << text;
+  const Outcome outcome = run(command("queries"));
+  EXPECT_EQ(outcome.status, 0) << outcome.errors;
+  EXPECT_THAT(outcome.output, HasSubstr("labelled 2"));
+}
+
 TEST_F(Up, StageThatCannotStartEndsTheRun) {
   std::vector<std::string> words = command("queries");
   words.insert(words.end(), {"--param", "model.file=" + world_.path("absent.coseg")});
