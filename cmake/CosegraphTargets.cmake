@@ -56,12 +56,19 @@ function(add_stage kind)
   set_property(GLOBAL APPEND PROPERTY COSEGRAPH_STAGES ${kind})
 endfunction()
 
-# add_unit_test(NAME SOURCES x_test.cpp... [LIBS lib...] [LABEL label])
+# add_unit_test(NAME SOURCES x_test.cpp... [LIBS lib...] [LABEL label] [SERIAL])
 # One GoogleTest executable, <NAME>_test, with every test known to ctest. LABEL: "dds" for tests
-# that start participants, "end_to_end" for those that run programs. COSEGRAPH_DATA in the
-# environment names the benchmark folder.
+# that start participants, "end_to_end" for those that run programs; without one a test is
+# "unit". SERIAL: no other test at the same time. COSEGRAPH_DATA in the environment names the
+# benchmark folder.
 function(add_unit_test name)
-  cmake_parse_arguments(ARG "" "LABEL" "SOURCES;LIBS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "LABEL" "SOURCES;LIBS" ${ARGN})
+  if(NOT ARG_LABEL)
+    set(ARG_LABEL unit)
+  endif()
+  if(NOT ARG_SERIAL)
+    set(ARG_SERIAL OFF)
+  endif()
   add_executable(${name}_test ${ARG_SOURCES})
   set_target_properties(${name}_test PROPERTIES CXX_EXTENSIONS OFF RUNTIME_OUTPUT_DIRECTORY
                                                                   ${CMAKE_BINARY_DIR}/tests)
@@ -73,6 +80,6 @@ function(add_unit_test name)
                          COSEGRAPH_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_link_libraries(${name}_test PRIVATE ${ARG_LIBS} GTest::gmock GTest::gtest_main
                                              cosegraph_settings)
-  gtest_discover_tests(${name}_test TEST_PREFIX ${name}. PROPERTIES LABELS "${ARG_LABEL}"
-                       TIMEOUT 300 DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name}_test TEST_PREFIX ${name}. PROPERTIES LABELS ${ARG_LABEL}
+                       RUN_SERIAL ${ARG_SERIAL} TIMEOUT 300 DISCOVERY_TIMEOUT 60)
 endfunction()

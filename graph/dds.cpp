@@ -1,11 +1,6 @@
 #include "graph/dds.hpp"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-#include <fastdds/rtps/transport/shared_mem/SharedMemTransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -20,7 +15,6 @@
 #include <fastdds/dds/topic/TypeSupport.hpp>
 
 #include <cstring>
-#include <filesystem>
 #include <map>
 #include <mutex>
 
@@ -90,10 +84,9 @@ void set_server(const std::string& server, rtps::DiscoverySettings& discovery) {
   discovery.m_DiscoveryServers.push_back(remote);
 }
 
-dds::DomainParticipantQos participant_qos(const GraphDescription& graph,
-                                          const ParticipantOptions& options) {
+dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name) {
   dds::DomainParticipantQos qos;
-  qos.name(options.name);
+  qos.name(name);
   constexpr std::uint32_t kSocketBuffer = 4U << 20U;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   udp->sendBufferSize = kSocketBuffer;
@@ -101,13 +94,10 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph,
   udp->non_blocking_send = false;
   // Only the first few participants of an address given without a port are tried otherwise.
   udp->maxInitialPeersRange = 64;
+  // UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
+  // behind that stops its readers for good.
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(udp);
-  if (options.shared_memory > 0) {
-    auto shared = std::make_shared<eprosima::fastdds::rtps::SharedMemTransportDescriptor>();
-    shared->segment_size(options.shared_memory);
-    qos.transport().user_transports.push_back(shared);
-  }
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
@@ -216,16 +206,15 @@ class DdsReader final : public Reader {
 
 }  // namespace
 
-Participant::Participant(const GraphDescription& graph, const ParticipantOptions& options)
+Participant::Participant(const GraphDescription& graph, const std::string& name)
     : impl_(std::make_unique<Impl>()) {
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   auto* factory = dds::DomainParticipantFactory::get_instance();
   impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                                   participant_qos(graph, options));
+                                                   participant_qos(graph, name));
   if (impl_->participant == nullptr)
-    throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " +
-                options.name);
+    throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;
   const std::string partition =
       graph.instance.empty() ? graph.graph : graph.graph + "." + graph.instance;
@@ -235,7 +224,7 @@ Participant::Participant(const GraphDescription& graph, const ParticipantOptions
   impl_->publisher = impl_->participant->create_publisher(publisher);
   impl_->subscriber = impl_->participant->create_subscriber(subscriber);
   if (impl_->publisher == nullptr || impl_->subscriber == nullptr)
-    throw Error("cannot set up publisher and subscriber of " + options.name);
+    throw Error("cannot set up publisher and subscriber of " + name);
 }
 
 Participant::~Participant() = default;
@@ -261,28 +250,6 @@ std::unique_ptr<Reader> Participant::reader(const std::string& topic, std::strin
       impl_->subscriber->create_datareader(impl_->topic(topic, type), qos, listener.get());
   if (reader == nullptr) throw Error("cannot create a reader for " + topic);
   return std::make_unique<DdsReader>(impl_->subscriber, reader, std::move(listener));
-}
-
-int clean_shared_memory() {
-  namespace fs = std::filesystem;
-  const fs::path folder = "/dev/shm";
-  int removed = 0;
-  std::error_code error;
-  // Whoever uses a segment or port holds a lock on its file "..._el" (or "..._sl").
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename();
-    if (!name.starts_with("fastrtps_") || !(name.ends_with("_el") || name.ends_with("_sl")))
-      continue;
-    const int file = ::open(entry.path().c_str(), O_RDWR | O_CLOEXEC);
-    if (file < 0) continue;
-    if (::flock(file, LOCK_EX | LOCK_NB) == 0) {
-      const std::string base = name.substr(0, name.size() - 3);
-      for (const auto& leftover : {base, name, "sem." + base + "_mutex"})
-        removed += fs::remove(folder / leftover, error) ? 1 : 0;
-    }
-    ::close(file);
-  }
-  return removed;
 }
 
 }  // namespace cosegraph::graph

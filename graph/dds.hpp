@@ -23,13 +23,6 @@ struct EndpointQos {
   bool keep_for_late = true;  // a reader that comes later gets the newest `depth` samples
 };
 
-// Within one process messages are handed over directly; across processes of a host they go through
-// shared memory, else by UDP.
-struct ParticipantOptions {
-  std::string name;
-  std::uint32_t shared_memory = 0;  // bytes of its segment (prefaulted); 0: none, UDP only
-};
-
 class Writer {
  public:
   virtual ~Writer() = default;
@@ -42,10 +35,11 @@ class Reader {
   virtual ~Reader() = default;
 };
 
+// Within one process messages are handed over directly, else they go by UDP.
 class Participant {
  public:
   // Throws Error naming the domain if DDS cannot be started.
-  Participant(const GraphDescription& graph, const ParticipantOptions& options);
+  Participant(const GraphDescription& graph, const std::string& name);
   ~Participant();
 
   std::unique_ptr<Writer> writer(const std::string& topic, std::string_view type,
@@ -59,9 +53,5 @@ class Participant {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-// Removes what killed processes left of Fast DDS in /dev/shm; what is in use stays. Returns how
-// many files went.
-int clean_shared_memory();
 
 }  // namespace cosegraph::graph

@@ -12,9 +12,9 @@
 #include <fstream>
 #include <thread>
 
-#include "graph/dds.hpp"
 #include "graph/run.hpp"
 #include "graph/watch.hpp"
+#include "io/file.hpp"
 
 namespace cosegraph::graph {
 namespace {
@@ -22,30 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using SteadyClock = std::chrono::steady_clock;
 
-constexpr auto kStopPatience = 5s;             // between SIGTERM and SIGKILL
-constexpr std::uint32_t kSegment = 8U << 20U;  // shared memory of a stage that writes frames
-
-// A folder of our own that vanishes with the run.
-class RunFolder {
- public:
-  RunFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "cosegraph-XXXXXX").string();
-    if (::mkdtemp(pattern.data()) == nullptr)
-      throw Error("cannot make a folder in " + std::filesystem::temp_directory_path().string() +
-                  ": " + std::strerror(errno));
-    path_ = pattern;
-  }
-  ~RunFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+constexpr auto kStopPatience = 5s;  // between SIGTERM and SIGKILL
 
 struct Process {
   const StageNode* node = nullptr;
@@ -66,7 +43,7 @@ class Processes {
  public:
   Processes(const GraphDescription& graph, const Catalog& catalog, const LaunchOptions& launch)
       : launch_(launch) {
-    const std::filesystem::path file = folder_.path() / "graph.yaml";
+    const std::filesystem::path file = folder_ / "graph.yaml";
     std::ofstream(file) << to_yaml(graph);
     std::string leaves;
     for (const auto& leaf : leaves_of(graph, catalog)) leaves += (leaves.empty() ? "" : ",") + leaf;
@@ -75,20 +52,14 @@ class Processes {
           node.exec.empty() ? (launch.executables / ("cosegraph-" + node.use)).string() : node.exec;
       if (::access(program.c_str(), X_OK) != 0)
         throw Error("stage " + node.name + ": cannot run " + program + ": " + std::strerror(errno));
-      const bool writes = info_of(node, catalog).has_frame_outputs();
-      processes_.push_back(
-          {.node = &node,
-           .command = {program, "--graph", file.string(), "--stage", node.name, "--instance",
-                       graph.instance, "--leaves", leaves, "--shared-memory",
-                       std::to_string(writes ? kSegment : kSegment / 16)}});
+      processes_.push_back({.node = &node,
+                            .command = {program, "--graph", file.string(), "--stage", node.name,
+                                        "--instance", graph.instance, "--leaves", leaves}});
     }
     for (auto& process : processes_) start(process);
   }
 
-  ~Processes() {
-    stop();
-    clean_shared_memory();
-  }
+  ~Processes() { stop(); }
   Processes(const Processes&) = delete;
   Processes& operator=(const Processes&) = delete;
 
@@ -195,7 +166,7 @@ class Processes {
     return running;
   }
 
-  RunFolder folder_;
+  io::TemporaryFolder folder_;
   LaunchOptions launch_;
   std::vector<Process> processes_;
 };

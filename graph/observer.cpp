@@ -4,8 +4,7 @@
 
 namespace cosegraph::graph {
 
-Observer::Observer(const GraphDescription& graph)
-    : participant_(graph, {.name = graph.graph + "/observer"}) {
+Observer::Observer(const GraphDescription& graph) : participant_(graph, graph.graph + "/observer") {
   const auto read = [&](const char* what, const char* type, int depth, auto take) {
     readers_.push_back(participant_.reader(
         control_topic(graph, what), type, {.depth = depth}, [this, take](const Sample& sample) {

@@ -124,8 +124,7 @@ class StageRunner::Impl final : public StageHost {
         upstream_(upstream_of(graph_, name)),
         join_(frame_inputs(), options.generation > 0),
         ledger_(options.leaves, graph_.window),
-        participant_(graph_,
-                     {.name = graph_.graph + "/" + name, .shared_memory = options.shared_memory}) {
+        participant_(graph_, graph_.graph + "/" + name) {
     for (const auto& input : node_.inputs) stage_->connect(input.port);
     stage_->attach(*this);
     status_.kind = node_.use;

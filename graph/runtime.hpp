@@ -21,8 +21,7 @@ void apply_params(const GraphDescription& graph, const StageNode& node, Stage& s
 
 struct RunnerOptions {
   std::uint32_t generation = 0;     // > 0: started again in the middle of a stream
-  std::vector<std::string> leaves;  // of the graph; needed by its source
-  std::uint32_t shared_memory = 0;  // see ParticipantOptions
+  std::vector<std::string> leaves;  // of the graph
 };
 
 class StageRunner {

@@ -38,8 +38,6 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
   app.add_option("--instance", instance,
                  "name of this run; stages of different runs of a graph do not meet");
   app.add_option("--generation", options.generation, "how often this stage was started before");
-  app.add_option("--shared-memory", options.shared_memory,
-                 "bytes of shared memory for messages; 0: UDP only");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <utility>
 
@@ -122,6 +123,19 @@ std::string read_file(const fs::path& file) {
   }
   bytes.resize(size);
   return bytes;
+}
+
+TemporaryFolder::TemporaryFolder() {
+  const std::filesystem::path parent = std::filesystem::temp_directory_path();
+  std::string pattern = (parent / "cosegraph-XXXXXX").string();
+  if (::mkdtemp(pattern.data()) == nullptr)
+    throw InputError("cannot make a folder in " + parent.string() + ": " + std::strerror(errno));
+  path_ = pattern;
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
 }
 
 }  // namespace cosegraph::io

@@ -11,6 +11,22 @@ namespace cosegraph::io {
 // the file (unwritable folder, no space, ...) and leaves nothing behind in that case.
 void write_file(const std::filesystem::path& file, std::string_view bytes);
 
+// A new folder, only for this user, that vanishes with everything in it. Throws InputError if it
+// cannot be made.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(std::string_view name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
 // The whole file. Throws InputError naming the file.
 std::string read_file(const std::filesystem::path& file);
 

@@ -103,12 +103,16 @@ Indices representatives(const Cloud& members, const Cells& cells, const Cloud& m
   return nearest;
 }
 
+// Tells when a cloud has more points than the dense cloud may have, or too many cells.
 void note_reduction(std::size_t points, const Cells& cells, double finest,
                     std::vector<std::string>& notes) {
-  if (!(cells.size > finest)) return;
-  notes.push_back(std::to_string(points) + " points reduced to " + std::to_string(cells.count) +
-                  ": the dense spacing grew from " + std::to_string(finest) + " to " +
-                  std::to_string(cells.size));
+  const bool grew = cells.size > finest;
+  if (!grew && points <= kMostDensePoints) return;
+  std::string note = std::to_string(points) + " points reduced to " + std::to_string(cells.count);
+  if (grew)
+    note += ": the dense spacing grew from " + std::to_string(finest) + " to " +
+            std::to_string(cells.size);
+  notes.push_back(std::move(note));
 }
 
 }  // namespace

@@ -1,35 +1,19 @@
 // A benchmark folder of simple two-part objects, made in a temporary folder.
 #pragma once
 
-#include <stdlib.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <numbers>
-#include <stdexcept>
 #include <string>
 
 #include "core/cloud.hpp"
+#include "io/file.hpp"
 #include "io/mesh_io.hpp"
 
 namespace cosegraph::test {
 
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "cosegraph-XXXXXX").string();
-    if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    path_ = pattern;
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+using io::TemporaryFolder;
 
 // Adds a surface of revolution about the z axis as part `label`: `radius(t)` and `height(t)` for t
 // from 0 to 1.

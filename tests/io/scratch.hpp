@@ -1,32 +1,19 @@
 // A folder for the files of one test, removed with everything in it.
 #pragma once
 
-#include <stdlib.h>
-
 #include <filesystem>
 #include <fstream>
-#include <stdexcept>
 #include <string>
 #include <string_view>
+
+#include "io/file.hpp"
 
 namespace cosegraph::test {
 
 class Scratch {
  public:
-  Scratch() {
-    std::string name = (std::filesystem::temp_directory_path() / "cosegraph-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("no scratch folder");
-    folder_ = name;
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-
   std::filesystem::path operator/(std::string_view name) const { return folder_ / name; }
-  const std::filesystem::path& folder() const { return folder_; }
+  const std::filesystem::path& folder() const { return folder_.path(); }
 
   // The path of a new file with this content.
   std::filesystem::path file(std::string_view name, std::string_view content) const {
@@ -37,12 +24,13 @@ class Scratch {
 
   std::size_t file_count() const {
     std::size_t count = 0;
-    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_)) ++count;
+    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder()))
+      ++count;
     return count;
   }
 
  private:
-  std::filesystem::path folder_;
+  io::TemporaryFolder folder_;
 };
 
 // The text of the E that `action` throws, "" if it throws nothing.

@@ -49,9 +49,8 @@ double through_graph(const fs::path& model, const fs::path& queries, const fs::p
 // Per-frame times are differences between a long and a short stream, so that start-up cancels.
 int bench_overhead(int frames) {
   const Subject subject = load_subject();
-  std::string pattern = (fs::temp_directory_path() / "cosegraph-bench-XXXXXX").string();
-  if (::mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
-  const fs::path folder = pattern;
+  const io::TemporaryFolder temporary;
+  const fs::path& folder = temporary.path();
   pipeline::Config config = pipeline::config_from_name("fpfh+fv");
   config.descriptors.threads = 1;
   const Model model = pipeline::train(subject.reference, config);
@@ -90,8 +89,6 @@ int bench_overhead(int frames) {
     std::printf("  %-34s %8.1f ms per frame, %.3f x direct; start-up and end %.0f ms\n", name,
                 per_frame, per_frame / per_call, part - few * per_frame);
   }
-  std::error_code ignored;
-  fs::remove_all(folder, ignored);
   return 0;
 }
 

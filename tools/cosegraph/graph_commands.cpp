@@ -35,14 +35,7 @@ int check_graph(const std::string& file) {
 
 // Renders Graphviz source as `format` with the `dot` program.
 std::string render_dot(const std::string& dot, const std::string& format) {
-  std::string pattern = (fs::temp_directory_path() / "cosegraph-XXXXXX").string();
-  if (::mkdtemp(pattern.data()) == nullptr) throw Error("cannot make a temporary folder");
-  const fs::path folder = pattern;
-  const std::unique_ptr<const fs::path, void (*)(const fs::path*)> cleaner(
-      &folder, [](const fs::path* path) {
-        std::error_code ignored;
-        fs::remove_all(*path, ignored);
-      });
+  const io::TemporaryFolder folder;
   io::write_file(folder / "graph.dot", dot);
   std::string type = "-T" + format;
   std::string output = "-o" + (folder / "picture").string();
