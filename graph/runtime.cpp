@@ -275,8 +275,7 @@ class StageRunner::Impl final : public StageHost {
             const std::scoped_lock lock(mutex_);
             take(header, std::move(sample));
           } catch (const Error&) {
-            const std::scoped_lock lock(mutex_);
-            ++damaged_messages_;  // a stranger's; a stage's own would be missed by the deadline
+            // A stranger's; one of a stage of ours is missed by the deadline.
           }
           changed_.notify_all();
         }));
@@ -586,7 +585,6 @@ class StageRunner::Impl final : public StageHost {
   idl::StageStatus status_;
   FrameHeader frame_;
   Latencies latencies_;
-  std::uint64_t damaged_messages_ = 0;
 
   Participant participant_;
   std::map<std::string, std::unique_ptr<Writer>> outputs_;

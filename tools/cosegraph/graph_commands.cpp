@@ -74,12 +74,11 @@ struct RunArguments {
 };
 
 int run(const RunArguments& arguments, Processes processes) {
-  graph::GraphDescription graph = graph::load(arguments.file, catalog());
-  apply_overrides(graph, arguments.params);
-  require_sound(graph);
-  const graph::RunReport report = run_graph(graph, processes);
-  print_report(report, graph, arguments.json);
-  return report.fine() ? 0 : 1;
+  return run_and_report(graph::load(arguments.file, catalog()), arguments.params, processes,
+                        arguments.json)
+                 .fine()
+             ? 0
+             : 1;
 }
 
 // -- stages

@@ -88,11 +88,9 @@ int train(const TrainArguments& arguments) {
   configure(graph, "descriptors", describe(config.descriptors));
   configure(graph, "spectra", describe(config.spectra));
   configure(graph, "training", describe(config.training));
-  apply_overrides(graph, arguments.params);
-  require_sound(graph);
   const graph::RunReport report =
-      run_graph(graph, arguments.processes ? Processes::per_stage : Processes::one);
-  print_report(report, graph, arguments.json);
+      run_and_report(std::move(graph), arguments.params,
+                     arguments.processes ? Processes::per_stage : Processes::one, arguments.json);
   if (report.fine()) std::cerr << "model written to " << arguments.output << '\n';
   return report.fine() ? 0 : 1;
 }
@@ -188,11 +186,9 @@ int segment(const SegmentArguments& arguments) {
   configure(graph, "descriptors", describe(config.descriptors));
   configure(graph, "spectra", describe(config.spectra));
   configure(graph, "astar", describe(config.astar));
-  apply_overrides(graph, arguments.params);
-  require_sound(graph);
   const graph::RunReport report =
-      run_graph(graph, arguments.processes ? Processes::per_stage : Processes::one);
-  print_report(report, graph, arguments.json);
+      run_and_report(std::move(graph), arguments.params,
+                     arguments.processes ? Processes::per_stage : Processes::one, arguments.json);
   if (!arguments.json) print_results(arguments.output);
   return report.fine() ? 0 : 1;
 }

@@ -214,4 +214,14 @@ void require_sound(const graph::GraphDescription& graph) {
   if (!faults.empty()) throw graph::GraphError(std::move(faults));
 }
 
+graph::RunReport run_and_report(graph::GraphDescription graph,
+                                const std::vector<std::string>& settings, Processes processes,
+                                bool json) {
+  apply_overrides(graph, settings);
+  require_sound(graph);
+  const graph::RunReport report = run_graph(graph, processes);
+  print_report(report, graph, json);
+  return report;
+}
+
 }  // namespace cosegraph::tools

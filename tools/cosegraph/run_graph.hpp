@@ -32,4 +32,10 @@ void apply_overrides(graph::GraphDescription& graph, const std::vector<std::stri
 // Throws GraphError if the graph, after changes by the program, is not consistent.
 void require_sound(const graph::GraphDescription& graph);
 
+// What every command that runs a graph does with it: settings of the command line, check, run,
+// report.
+graph::RunReport run_and_report(graph::GraphDescription graph,
+                                const std::vector<std::string>& settings, Processes processes,
+                                bool json);
+
 }  // namespace cosegraph::tools
