@@ -32,13 +32,16 @@ struct Overlap {
 
   Overlap(Labels s, Labels r, Weights weight = {}) {
     check_sizes(s, r, weight);
-    for (std::size_t i = 0; i < s.size(); ++i) {
-      if (r[i] == kNoLabel) continue;
-      const double w = weight_of(weight, i);
-      total += w;
-      evaluated[s[i]] += w;
-      reference[r[i]] += w;
-      both[{s[i], r[i]}] += w;
+    // Neighbours in the order mostly agree: the maps are looked at once per run of equal pairs.
+    for (std::size_t i = 0; i < s.size();) {
+      const std::size_t first = i;
+      double run = 0.0;
+      for (; i < s.size() && s[i] == s[first] && r[i] == r[first]; ++i) run += weight_of(weight, i);
+      if (r[first] == kNoLabel) continue;
+      total += run;
+      evaluated[s[first]] += run;
+      reference[r[first]] += run;
+      both[{s[first], r[first]}] += run;
     }
   }
 };

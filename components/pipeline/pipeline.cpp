@@ -89,7 +89,7 @@ void set_option(std::string_view name, const std::string& word, Config& config) 
 Config config_from_name(std::string_view name) {
   Config config;
   const std::vector<std::string> options = split(name, ':');
-  const std::string stem = options[0] == "best" ? "fused+fv+iso" : options[0];
+  const std::string stem = options[0] == "best" ? std::string(kBest) : options[0];
   const std::vector<std::string> words = split(stem, '+');
   if (words.size() < 2 || words.size() > 3) refuse(name, "it has the wrong number of parts");
   set_descriptors(name, words[0], config);

@@ -33,6 +33,8 @@ struct Config {
   bool with_spectra = false;  // compute spectra at all (training and query)
 };
 
+constexpr std::string_view kBest = "fused+fv+iso";  // the configuration that is called "best"
+
 // A configuration by name, in the paper's manner: DESCRIPTORS+ENCODING[+iso|+iso*][:OPTION]...
 //   DESCRIPTORS  fpfh | shot | fused
 //   ENCODING     fv | bow

@@ -16,8 +16,6 @@ namespace {
 using Eigen::Vector3f;
 
 constexpr int kSupersampling = 2;  // drawn this many times larger, then averaged
-constexpr int kWidth = 480;        // of a panel's image, pixels
-constexpr int kHeight = 400;
 constexpr int kMargin = 16;
 constexpr int kTitleHeight = 30;
 constexpr int kSubtitleHeight = 22;
@@ -260,8 +258,8 @@ std::vector<std::int32_t> distinct_colours(const Dots& dots, const Visible& visi
 }
 
 // `colours` maps the groups of a named panel to the palette.
-cv::Mat3b draw_points(const Panel& panel, std::vector<std::int32_t> colours) {
-  const cv::Size size(kWidth * kSupersampling, kHeight * kSupersampling);
+cv::Mat3b draw_points(const Panel& panel, std::vector<std::int32_t> colours, cv::Size pixels) {
+  const cv::Size size = pixels * kSupersampling;
   cv::Mat3f image(size, cv::Vec3f::all(255.0F));
   const Dots dots = project(panel, size);
   if (!dots.dot.empty()) {
@@ -284,7 +282,7 @@ cv::Mat3b draw_points(const Panel& panel, std::vector<std::int32_t> colours) {
       }
   }
   cv::Mat3f small;
-  cv::resize(image, small, {kWidth, kHeight}, 0, 0, cv::INTER_AREA);
+  cv::resize(image, small, pixels, 0, 0, cv::INTER_AREA);
   cv::Mat3b result;
   small.convertTo(result, CV_8UC3);
   return result;
@@ -349,9 +347,10 @@ void draw_legend(cv::Mat3b& image, const std::vector<LegendEntry>& entries, cv::
   }
 }
 
-void check_panels(std::span<const Panel> panels, int columns) {
+void check_panels(std::span<const Panel> panels, const Layout& layout) {
   if (panels.empty()) throw InputError("a picture needs at least one panel");
-  if (columns < 1) throw ParameterError("columns: a picture needs at least one");
+  if (layout.columns < 1) throw ParameterError("columns: a picture needs at least one");
+  if (layout.panel_width < 16) throw ParameterError("panel width: at least 16 pixels");
   for (const auto& panel : panels) {
     if (panel.cloud == nullptr) throw InputError("panel '" + panel.title + "' has no cloud");
     if (panel.group.size() != panel.cloud->size())
@@ -365,35 +364,38 @@ void check_panels(std::span<const Panel> panels, int columns) {
   }
 }
 
-void draw_panel(cv::Mat3b& image, const Panel& panel, cv::Point corner,
+void draw_panel(cv::Mat3b& image, const Panel& panel, cv::Point corner, cv::Size size,
                 const std::vector<std::string>& names) {
   std::vector<std::int32_t> colours;
   for (const auto& name : panel.names)
     colours.push_back(static_cast<std::int32_t>(std::ranges::find(names, name) - names.begin()));
-  put_text(image, panel.title, corner + cv::Point(0, 21), kTitleFont, kWidth);
-  put_text(image, panel.subtitle, corner + cv::Point(0, kTitleHeight + 13), kSubtitleFont, kWidth);
-  const cv::Rect frame(corner.x, corner.y + kTitleHeight + kSubtitleHeight, kWidth, kHeight);
-  draw_points(panel, std::move(colours)).copyTo(image(frame));
+  put_text(image, panel.title, corner + cv::Point(0, 21), kTitleFont, size.width);
+  put_text(image, panel.subtitle, corner + cv::Point(0, kTitleHeight + 13), kSubtitleFont,
+           size.width);
+  const cv::Rect frame(corner + cv::Point(0, kTitleHeight + kSubtitleHeight), size);
+  draw_points(panel, std::move(colours), size).copyTo(image(frame));
 }
 
 }  // namespace
 
-std::string draw_png(std::span<const Panel> panels, int columns) {
-  check_panels(panels, columns);
+std::string draw_png(std::span<const Panel> panels, const Layout& layout) {
+  check_panels(panels, layout);
   const int count = static_cast<int>(panels.size());
-  const int across = std::min(columns, count);
+  const int across = std::min(layout.columns, count);
+  const cv::Size size(layout.panel_width, layout.panel_width * 5 / 6);
   const int rows = (count + across - 1) / across;
-  const cv::Size cell(kWidth + kMargin, kTitleHeight + kSubtitleHeight + kHeight + kMargin);
+  const cv::Size cell(size.width + kMargin, kTitleHeight + kSubtitleHeight + size.height + kMargin);
   const int width = across * cell.width - kMargin;
   const auto names = legend_names(panels);
-  const auto legend = legend_layout(names, width);
-  const int legend_height = legend.empty() ? 0 : legend.back().at.y + kLegendHeight;
+  const auto entries = layout.legend ? legend_layout(names, width) : std::vector<LegendEntry>{};
+  const int legend_height = entries.empty() ? 0 : entries.back().at.y + kLegendHeight;
   cv::Mat3b image(rows * cell.height + legend_height + kMargin, width + 2 * kMargin,
                   cv::Vec3b::all(255));
   for (int p = 0; p < count; ++p)
     draw_panel(image, panels[static_cast<std::size_t>(p)],
-               {kMargin + p % across * cell.width, kMargin + p / across * cell.height}, names);
-  draw_legend(image, legend, {kMargin, kMargin + rows * cell.height - kMargin / 2}, width);
+               {kMargin + p % across * cell.width, kMargin + p / across * cell.height}, size,
+               names);
+  draw_legend(image, entries, {kMargin, kMargin + rows * cell.height - kMargin / 2}, width);
   std::vector<unsigned char> bytes;
   cv::imencode(".png", image, bytes);
   return {bytes.begin(), bytes.end()};

@@ -129,7 +129,7 @@ std::string picture_of(const PictureOf& frame) {
                       .cloud = &object,
                       .group = frame.input->label,
                       .names = frame.input->label_names});
-  return draw_png(panels, static_cast<int>(panels.size()));
+  return draw_png(panels, {.columns = static_cast<int>(panels.size())});
 }
 
 }  // namespace cosegraph::sink

@@ -41,8 +41,14 @@ struct Panel {
   std::vector<std::string> names;   // legend; empty: groups are coloured without a legend
 };
 
-// PNG bytes: panels side by side (wrapped into rows of at most `columns`), each fitted to its
-// frame, with titles and one legend for all named groups (same name, same colour).
-std::string draw_png(std::span<const Panel> panels, int columns = 4);
+struct Layout {
+  int columns = 4;        // at most, then a new row begins
+  int panel_width = 480;  // of a panel's image, in pixels; its height is five sixths of that
+  bool legend = true;
+};
+
+// PNG bytes: panels in rows, each fitted to its frame, with titles and one legend for all named
+// groups (same name, same colour).
+std::string draw_png(std::span<const Panel> panels, const Layout& layout = {});
 
 }  // namespace cosegraph::sink

@@ -5,11 +5,16 @@
 
 #include <algorithm>
 #include <atomic>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <set>
 
 #include "core/error.hpp"
 #include "evaluation/world.hpp"
+#include "tools/evaluation/pictures.hpp"
 #include "tools/evaluation/report.hpp"
+#include "tools/evaluation/tables.hpp"
 
 namespace cosegraph::evaluation {
 namespace {
@@ -19,7 +24,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 Protocol quick_protocol(const std::filesystem::path& data) {
-  Protocol protocol{.data = data, .query_views = 2, .train_views = 3, .seed = 3, .jobs = 1};
+  Protocol protocol{.data = data, .query_views = 2, .train_views = 3, .seeds = {3}, .jobs = 1};
   protocol.camera.pitch = 0.01;
   protocol.camera.directions = 24;
   return protocol;
@@ -83,11 +88,11 @@ TEST_F(WholeRun, NoShapeIsPairedWithItsOwnViewsOrWithAReferenceThatLacksAPart) {
 
 TEST_F(WholeRun, AccuracyLiesBetweenZeroAndTheOracleAndAboveTheFloorInTheMean) {
   for (const Pair& pair : report_->pairs) {
-    EXPECT_GE(pair.accuracy, 0.0);
-    EXPECT_LE(pair.accuracy, pair.oracle + 1e-12);
+    EXPECT_GE(pair.figures.accuracy, 0.0);
+    EXPECT_LE(pair.figures.accuracy, pair.oracle + 1e-12);
     EXPECT_LE(pair.oracle, 1.0);
     EXPECT_GT(pair.majority_floor, 0.0);
-    EXPECT_GE(pair.segments, 1);
+    EXPECT_FALSE(pair.segment_label.empty());
     EXPECT_TRUE(pair.proven_optimal);
   }
   for (const Row& row : tables_of(*report_)[0].categories) {
@@ -116,13 +121,172 @@ TEST_F(WholeRun, OtherCategoriesAndConfigurationsDoNotChangeAFigure) {
   std::vector<double> alone;
   std::vector<double> among_others;
   for (const Pair& pair : report.pairs)
-    if (pair.configuration == 1) among_others.push_back(pair.accuracy);
+    if (pair.configuration == 1) among_others.push_back(pair.figures.accuracy);
   for (const Pair& pair : report_->pairs)
-    if (pair.category == 1) alone.push_back(pair.accuracy);
+    if (pair.category == 1) alone.push_back(pair.figures.accuracy);
   EXPECT_EQ(alone, among_others);
   EXPECT_TRUE(std::ranges::all_of(report.pairs, [](const Pair& pair) {
     return (pair.ms[2] > 0.0) == (pair.configuration == 0);
   }));
+}
+
+TEST_F(WholeRun, TheBoundsAsConfigurationsHaveTheAccuracyOfTheColumns) {
+  Protocol protocol = quick_protocol(folder_->path());
+  protocol.configurations = {"majority", "oracle"};
+  const Report report = evaluate(protocol);
+  ASSERT_EQ(report.pairs.size(), 2 * report_->pairs.size());
+  for (const Pair& pair : report.pairs) {
+    const auto same = std::ranges::find_if(report_->pairs, [&](const Pair& other) {
+      return std::tie(other.category, other.reference, other.query, other.view) ==
+             std::tie(pair.category, pair.reference, pair.query, pair.view);
+    });
+    EXPECT_EQ(pair.majority_floor, same->majority_floor);
+    EXPECT_EQ(pair.oracle, same->oracle);
+    EXPECT_DOUBLE_EQ(pair.figures.accuracy,
+                     pair.configuration == 0 ? same->majority_floor : same->oracle);
+    EXPECT_LE(same->figures.accuracy, pair.oracle);
+  }
+}
+
+TEST_F(WholeRun, SeveralSeedsAreTheRunsOfEachSeedTogether) {
+  Protocol protocol = quick_protocol(folder_->path());
+  protocol.seeds = {4, 3};
+  const Report both = evaluate(protocol);
+  EXPECT_EQ(both.categories[0].compatible, 2 * report_->categories[0].compatible);
+  std::vector<double> third;
+  for (const Pair& pair : both.pairs)
+    if (pair.seed == 3) third.push_back(pair.figures.accuracy);
+  std::vector<double> alone;
+  for (const Pair& pair : report_->pairs) alone.push_back(pair.figures.accuracy);
+  EXPECT_EQ(third, alone);
+  EXPECT_EQ(both.pairs.size(), 2 * alone.size());
+}
+
+TEST_F(WholeRun, TheConfusionsDiagonalIsTheMeanAccuracy) {
+  ASSERT_EQ(report_->confusions.size(), 2U);
+  for (const Confusion& confusion : report_->confusions) {
+    const std::size_t labels =
+        report_->categories[static_cast<std::size_t>(confusion.category)].label_names.size();
+    ASSERT_EQ(confusion.fraction.size(), labels * labels);
+    double diagonal = 0.0;
+    double accuracy = 0.0;
+    for (std::size_t l = 0; l < labels; ++l) diagonal += confusion.fraction[l * labels + l];
+    for (const Pair& pair : report_->pairs)
+      if (pair.category == confusion.category) accuracy += pair.figures.accuracy;
+    EXPECT_NEAR(diagonal, accuracy, 1e-9);
+  }
+}
+
+TEST_F(WholeRun, PicturesAreMadeOfIt) {
+  ASSERT_EQ(best_configuration(*report_), 0);
+  const auto size_of = [](const std::string& png) {
+    const cv::Mat image =
+        cv::imdecode(std::vector<unsigned char>(png.begin(), png.end()), cv::IMREAD_COLOR);
+    return image.size();
+  };
+  EXPECT_GT(size_of(metrics_png(*report_)).width, 300);
+  EXPECT_GT(size_of(times_png(*report_)).width, 300);
+  EXPECT_GT(size_of(confusion_png(*report_, 0)).width, 300);
+  // Two rows of nine panels.
+  const cv::Size gallery = size_of(gallery_png(*report_, 0));
+  EXPECT_GT(gallery.width, 9 * 210);
+  EXPECT_GT(gallery.height, 2 * 175);
+}
+
+// How many pieces of work a run did.
+class Counter {
+ public:
+  Progress progress() {
+    return {.stopped = [this] { return done_ >= limit_; },
+            .step = [this](const Status&) { ++done_; }};
+  }
+  void stop_after(int pieces) { limit_ = pieces; }
+  int done() const { return done_; }
+
+ private:
+  int done_ = 0;
+  int limit_ = 1 << 30;
+};
+
+TEST_F(WholeRun, ASecondStartGoesOnWhereTheFirstWasStopped) {
+  Counter whole;
+  const Protocol protocol = quick_protocol(folder_->path());
+  evaluate(protocol, whole.progress());
+  for (const int pieces : {3, whole.done() / 3, whole.done() - 2}) {
+    const TemporaryFolder kept;
+    const Keep keep{.results = kept / "results", .views = kept / "views"};
+    Counter first;
+    first.stop_after(pieces);
+    EXPECT_TRUE(evaluate(protocol, first.progress(), keep).interrupted);
+    Counter second;
+    const Report report = evaluate(protocol, second.progress(), keep);
+    EXPECT_FALSE(report.interrupted);
+    EXPECT_EQ(text_of(report), text_of(*report_));
+    Counter third;
+    EXPECT_EQ(text_of(evaluate(protocol, third.progress(), keep)), text_of(*report_));
+    EXPECT_EQ(third.done(), 0);
+  }
+}
+
+TEST_F(WholeRun, FinishedPairsOfAStoppedCategoryAreNotDoneAgain) {
+  const TemporaryFolder kept;
+  const Keep keep{.results = kept / "results", .views = {}};
+  Protocol protocol = quick_protocol(folder_->path());
+  protocol.categories = {"Lollipop"};  // 3 shapes, 9 views, 3 models, 6 query views
+  Counter first;
+  first.stop_after(3 + 9 + 3 + 4);
+  evaluate(protocol, first.progress(), keep);
+  Counter second;
+  evaluate(protocol, second.progress(), keep);
+  EXPECT_LT(second.done(), 3 + 9 + 3 + 6);
+  EXPECT_GE(second.done(), 3 + 9 + 1 + 2);
+}
+
+TEST_F(WholeRun, WhatIsKeptOfTheViewsGivesTheSameFigures) {
+  const TemporaryFolder kept;
+  const Keep keep{.results = {}, .views = kept.path()};
+  Protocol protocol = quick_protocol(folder_->path());
+  protocol.configurations = {"fpfh+fv", "fpfh+fv+iso:cpc"};
+  const std::string without = text_of(evaluate(protocol));
+  protocol.configurations = {"fpfh+fv"};
+  EXPECT_EQ(text_of(evaluate(protocol, {}, keep)), text_of(*report_));
+  protocol.configurations = {"fpfh+fv", "fpfh+fv+iso:cpc"};  // half of its parts are kept
+  EXPECT_EQ(text_of(evaluate(protocol, {}, keep)), without);
+  // Killed writers and a bad disk: cut off and changed files are made again.
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(kept.path())) {
+    if (!entry.is_regular_file()) continue;
+    if (++files % 2 == 0)
+      std::filesystem::resize_file(entry.path(), entry.file_size() / 2);
+    else
+      std::fstream(entry.path()).seekp(-20, std::ios::end).write("x", 1);
+  }
+  EXPECT_GT(files, 20U);
+  EXPECT_EQ(text_of(evaluate(protocol, {}, keep)), without);
+}
+
+TEST(Evaluation, AChangedShapeIsDoneAgain) {
+  const TemporaryFolder folder;
+  const TemporaryFolder kept;
+  const Keep keep{.results = kept / "results", .views = kept / "views"};
+  test::write_benchmark(folder.path());
+  Protocol protocol = quick_protocol(folder.path());
+  protocol.categories = {"Lollipop"};
+  evaluate(protocol, {}, keep);
+  test::write_shape(folder.path() / "Lollipop", "10", test::lollipop(0.8));
+  EXPECT_EQ(text_of(evaluate(protocol, {}, keep)), text_of(evaluate(protocol)));
+}
+
+TEST(Evaluation, AFolderThatCannotBeWrittenIsReportedOnceAndTheRunGoesOn) {
+  const TemporaryFolder folder;
+  test::write_benchmark(folder.path());
+  test::write_text(folder / "plain", "a file where a folder should be");
+  Protocol protocol = quick_protocol(folder.path());
+  protocol.categories = {"Lollipop"};
+  const Report report = evaluate(protocol, {}, {.results = folder / "plain", .views = {}});
+  EXPECT_EQ(report.pairs.size(), 12U);
+  ASSERT_EQ(report.problems.size(), 1U);
+  EXPECT_THAT(report.problems[0].what, HasSubstr("plain"));
 }
 
 TEST_F(WholeRun, StoppingKeepsTheFinishedCategoriesOnly) {
@@ -219,6 +383,9 @@ TEST(Evaluation, AProtocolThatMakesNoSenseIsRefusedBeforeAnyWork) {
               HasSubstr("did you mean 'cpc.min_cut_score'?"));
   EXPECT_THAT(with([](Protocol& p) { p.params = {"fisher.seed=2"}; }), HasSubstr("fisher.seed"));
   EXPECT_THAT(with([](Protocol& p) { p.params = {"cpc"}; }), HasSubstr("STAGE.NAME=VALUE"));
+  EXPECT_THAT(with([](Protocol& p) { p.configurations = {"oracle:l2"}; }), HasSubstr("oracle:cpc"));
+  EXPECT_THAT(with([](Protocol& p) { p.seeds = {}; }), HasSubstr("no seed"));
+  EXPECT_THAT(with([](Protocol& p) { p.seeds = {1, 1}; }), HasSubstr("seed 1 is named twice"));
   EXPECT_THAT(with([](Protocol& p) { p.query_views = 0; }), HasSubstr("query views"));
   EXPECT_THAT(with([](Protocol& p) { p.shapes = 1; }), HasSubstr("at least 2"));
 }

@@ -45,11 +45,11 @@ TEST(Parallel, AnExceptionEndsTheWorkAndArrives) {
 TEST(Forecast, TheTimeLeftIsThePiecesLeftAtTheMeanCostSharedByTheThreads) {
   Forecast forecast(2);
   EXPECT_EQ(forecast.seconds_left(), 0.0);
-  forecast.expect(Work::view, 10000);
-  for (int i = 0; i < 5000; ++i) forecast.done(Work::view, 4.0);
+  forecast.expect(Piece::view, 10000);
+  for (int i = 0; i < 5000; ++i) forecast.done(Piece::view, 4.0);
   EXPECT_NEAR(forecast.seconds_left(), 5000 * 4.0 / 2, 10.0);
   EXPECT_NEAR(forecast.fraction(), 0.5, 1e-9);
-  forecast.expect(Work::view, -5000);
+  forecast.expect(Piece::view, -5000);
   EXPECT_EQ(forecast.seconds_left(), 0.0);
   EXPECT_EQ(forecast.fraction(), 1.0);
 }

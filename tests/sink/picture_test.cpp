@@ -181,8 +181,8 @@ TEST(DrawPng, WrapsIntoRowsOfPanelsOfOneSize) {
   const auto scene = three_patches();
   const std::vector<Panel> panels(5, scene.panel({}));
   const auto one = decoded(draw_png(std::span(panels).first(1)));
-  const auto row = decoded(draw_png(std::span(panels).first(2), 4));
-  const auto wrapped = decoded(draw_png(panels, 2));
+  const auto row = decoded(draw_png(std::span(panels).first(2), {.columns = 4}));
+  const auto wrapped = decoded(draw_png(panels, {.columns = 2}));
   EXPECT_EQ(row.rows, one.rows);
   EXPECT_GT(row.cols, 2 * one.cols - 60);
   EXPECT_EQ(wrapped.cols, row.cols);
@@ -221,7 +221,7 @@ TEST(DrawPng, RefusesPanelsThatDoNotFit) {
   EXPECT_THROW(png_of({.title = "none"}), InputError);
   EXPECT_THROW(png_of(scene.panel({"a", "b"})), InputError);
   const Panel panel = scene.panel({});
-  EXPECT_THROW(draw_png(std::span(&panel, 1), 0), ParameterError);
+  EXPECT_THROW(draw_png(std::span(&panel, 1), {.columns = 0}), ParameterError);
   scene.group.pop_back();
   EXPECT_THROW(png_of(scene.panel({})), InputError);
 }

@@ -48,7 +48,7 @@ int draw_clouds(const PictureArguments& arguments) {
                                         : std::vector<std::int32_t>(clouds[i].size(), kNoLabel),
                       .names = clouds[i].label_names});
   }
-  io::write_file(arguments.output, sink::draw_png(panels, arguments.columns));
+  io::write_file(arguments.output, sink::draw_png(panels, {.columns = arguments.columns}));
   return 0;
 }
 

@@ -37,6 +37,15 @@ fs::directory_iterator open_folder(const fs::path& folder) {
 
 }  // namespace
 
+fs::path mesh_file(const fs::path& folder, const std::string& category, const std::string& shape) {
+  return folder / category / (shape + std::string(kMeshEnd));
+}
+
+fs::path labels_file(const fs::path& folder, const std::string& category,
+                     const std::string& shape) {
+  return folder / category / (shape + std::string(kLabelsEnd));
+}
+
 std::vector<std::string> category_names(const fs::path& folder) {
   std::vector<std::string> names;
   for (const auto& entry : open_folder(folder)) {

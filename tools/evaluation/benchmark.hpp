@@ -22,6 +22,12 @@ struct Shape {
   std::filesystem::path labels;
 };
 
+// Where the files of a shape are.
+std::filesystem::path mesh_file(const std::filesystem::path& folder, const std::string& category,
+                                const std::string& shape);
+std::filesystem::path labels_file(const std::filesystem::path& folder, const std::string& category,
+                                  const std::string& shape);
+
 struct Category {
   std::string name;
   std::vector<Shape> shapes;

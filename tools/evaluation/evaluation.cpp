@@ -8,61 +8,142 @@
 #include <set>
 #include <thread>
 
-#include "inputs/inputs.hpp"
 #include "sink/sink.hpp"
+#include "tools/evaluation/block.hpp"
 #include "tools/evaluation/forecast.hpp"
 #include "tools/evaluation/parallel.hpp"
 #include "tools/evaluation/plan.hpp"
-#include "tools/evaluation/views.hpp"
+#include "tools/evaluation/subject.hpp"
 
 namespace cosegraph::evaluation {
 namespace {
 
-// One shape of the category at work. Without views it takes no part.
-struct Subject {
-  Shape shape;
-  std::uint64_t seed = 0;
-  Mesh mesh;  // until its views are made
-  camera::Params camera;
-  std::vector<camera::View> directions;
-  std::vector<ViewParts> views;
-  std::set<std::string> labels;  // what it teaches as a reference
-  std::vector<Problem> problems;
-};
+using Clock = std::chrono::steady_clock;
 
 // A query view and the references that it is compatible with.
 struct Query {
   std::size_t subject = 0;
   std::size_t view = 0;
   std::vector<std::size_t> references;
+
+  std::array<int, 2> key() const { return {static_cast<int>(subject), static_cast<int>(view)}; }
 };
 
-std::vector<std::size_t> references_of(const std::vector<Query>& queries) {
-  std::set<std::size_t> references;
-  for (const Query& query : queries)
-    references.insert(query.references.begin(), query.references.end());
-  return {references.begin(), references.end()};
+using Models = std::vector<std::optional<Made<Model>>>;  // per subject, as far as they are needed
+
+// One configuration's work in one category with one seed.
+struct Work {
+  const Entry* entry = nullptr;
+  int configuration = 0;
+  std::string key;
+  Block block;
+  Clock::time_point saved{};
+};
+
+// One category with one seed, by all configurations.
+struct Round {
+  std::uint64_t seed = 0;
+  std::vector<Work> work;
+
+  bool complete() const {
+    return std::ranges::all_of(work, [](const Work& w) { return w.block.complete; });
+  }
+};
+
+struct Job {
+  Category category;
+  std::vector<std::string> fingerprints;  // per shape
+  std::vector<Round> rounds;              // per seed
+};
+
+// A labelling without any method: every point of a segment has the segment's label.
+Labelling labelling_by(const Segments& segments, std::vector<std::string> names,
+                       std::vector<std::int32_t> segment_label) {
+  Labelling result{.label_names = std::move(names), .segment_label = std::move(segment_label)};
+  for (const std::int32_t segment : segments.of_point)
+    result.point_label.push_back(result.segment_label[static_cast<std::size_t>(segment)]);
+  result.proven_optimal = true;
+  return result;
 }
 
-using Models = std::vector<Made<Model>>;  // per subject; those without a compatible query: nothing
+// The most frequent true label in each segment (ties: the first), the first label where it has no
+// labelled point.
+std::vector<std::int32_t> true_labels(const Cloud& input, const Segments& segments) {
+  const std::size_t labels = input.label_names.size();
+  std::vector<std::int64_t> count(static_cast<std::size_t>(segments.count) * labels);
+  for (std::size_t i = 0; i < input.label.size(); ++i) {
+    if (input.dense_index[i] == kNoPoint || input.label[i] == kNoLabel) continue;
+    const auto segment = segments.of_point[static_cast<std::size_t>(input.dense_index[i])];
+    ++count[static_cast<std::size_t>(segment) * labels + static_cast<std::size_t>(input.label[i])];
+  }
+  std::vector<std::int32_t> result;
+  for (auto row = count.begin(); row != count.end(); row += static_cast<std::ptrdiff_t>(labels))
+    result.push_back(static_cast<std::int32_t>(
+        std::max_element(row, row + static_cast<std::ptrdiff_t>(labels)) - row));
+  return result;
+}
 
 // A query view made ready for one configuration.
 struct Target {
+  const Entry& entry;
   const Cloud& input;  // with the true labels
-  const pipeline::Features& features;
   const Segments& segments;
+  std::optional<pipeline::Features> features;  // of methods
   pipeline::Config config;
 };
 
-std::string in_words(std::size_t view) {
-  return " view " + std::to_string(view);
+// What a target is labelled by: a model, and the reference's most frequent label.
+struct Teacher {
+  const Model* model = nullptr;  // for methods
+  std::string majority;
+};
+
+Labelling label(const Target& target, const Teacher& teacher, pipeline::Times& ms) {
+  if (target.entry.labeller == Labeller::method) {
+    Scores scores;
+    return pipeline::label(*target.features, target.segments, *teacher.model, target.config, scores,
+                           &ms);
+  }
+  std::vector<std::string> names = target.input.label_names;
+  auto at = std::ranges::find(names, teacher.majority);
+  if (at == names.end()) at = names.insert(names.end(), teacher.majority);
+  const auto majority = static_cast<std::int32_t>(at - names.begin());
+  const auto count = static_cast<std::size_t>(target.segments.count);
+  Labelling labelling = labelling_by(target.segments, std::move(names),
+                                     target.entry.labeller == Labeller::majority
+                                         ? std::vector<std::int32_t>(count, majority)
+                                         : true_labels(target.input, target.segments));
+  labelling.majority = majority;
+  return labelling;
+}
+
+// Adds one pair to a query's result; `names` are the category's labels.
+void add_pair(const Target& target, const Teacher& teacher, const std::vector<std::string>& names,
+              Pair pair, pipeline::Times& ms, QueryResult& result) {
+  const Labelling labelling = label(target, teacher, ms);
+  const Comparison comparison = compare(target.input, labelling, names);
+  const auto bounds = sink::evaluate(target.input, target.segments, labelling);
+  pair.figures = figures_of(comparison);
+  pair.majority_floor = bounds->floor;
+  pair.oracle = bounds->oracle;
+  pair.expansions = labelling.expansions;
+  pair.proven_optimal = labelling.proven_optimal;
+  for (const std::int32_t l : labelling.segment_label) {
+    const auto& name = labelling.label_names.at(static_cast<std::size_t>(l));
+    pair.segment_label.push_back(
+        static_cast<std::int16_t>(std::ranges::find(names, name) - names.begin()));
+  }
+  add_to(result.confusion, comparison, names.size());
+  result.pairs.push_back(std::move(pair));
 }
 
 class Evaluation {
  public:
-  Evaluation(const Protocol& protocol, const Progress& progress)
+  Evaluation(const Protocol& protocol, const Progress& progress, const Keep& keep)
       : protocol_(protocol),
         progress_(progress),
+        results_(keep.results),
+        views_(keep.views),
         entries_(entries_of(protocol)),
         names_(choose_categories(protocol.data, protocol.categories)),
         jobs_(protocol.jobs > 0
@@ -76,50 +157,44 @@ class Evaluation {
   Report run();
 
  private:
-  // What one category adds to the report.
-  struct Outcome {
-    CategoryCounts counts;
-    std::vector<Pair> pairs;
-    std::vector<Problem> problems;
-  };
-
   // All of these answer false if they were stopped.
-  bool evaluate_category(const Category& category, Outcome& outcome);
-  bool evaluate_pairs(const std::vector<Subject>& subjects, const std::vector<Query>& queries,
-                      Outcome& outcome);
-  bool choose_views(std::vector<Subject>& subjects);
-  bool make_views(std::vector<Subject>& subjects);
+  bool evaluate_round(const Job& job, Round& round);
+  bool evaluate_work(Work& work, std::vector<Subject>& subjects, const std::vector<Query>& queries,
+                     Models& models);
+  bool open(std::vector<Subject>& subjects);
+  bool make_views(std::vector<Subject>& subjects, std::span<const Entry> entries);
   bool train(const Entry& entry, const std::vector<Subject>& subjects,
-             const std::vector<std::size_t>& references, Models& models);
-  bool label(std::size_t configuration, const std::vector<Subject>& subjects,
-             const std::vector<Query>& queries, const Models& models, Outcome& outcome);
+             const std::set<std::size_t>& references, Models& models);
 
-  void open(const std::string& category, Subject& subject) const;
+  Job job_of(const std::string& category);
+  Work work_of(const Job& job, std::uint64_t seed, std::size_t configuration) const;
   std::vector<Query> queries_of(const std::vector<Subject>& subjects, CategoryCounts& counts) const;
-  Model train_one(const Entry& entry, const Subject& subject, pipeline::Times& ms) const;
-  Pair label_pair(const Target& target, const Model& model, pipeline::Times& ms) const;
-  void label_view(std::size_t configuration, const std::vector<Subject>& subjects,
-                  const Query& query, const Models& models, Outcome& outcome) const;
+  QueryResult label_view(const Work& work, const std::vector<Subject>& subjects, const Query& query,
+                         const Models& models) const;
+  void keep(Work& work, bool at_once);
+  void add_to_report(Job& job);
 
   // parallel_for that keeps the forecast and shows the progress.
-  bool each(Work kind, const std::string& step, std::size_t count,
+  bool each(Piece piece, const std::string& step, std::size_t count,
             const std::function<void(std::size_t)>& body);
   Status status(const std::string& step) const;
-  void expect(const std::vector<Category>& categories);
-  void expect_instead(Work kind, std::size_t before, std::size_t now);
+  void expect(const Job& job);
+  void expect_instead(Piece piece, std::size_t before, std::size_t now);
   std::size_t view_count() const {
     return static_cast<std::size_t>(std::max(protocol_.query_views, protocol_.train_views));
   }
   std::size_t query_views() const { return static_cast<std::size_t>(protocol_.query_views); }
-  std::size_t train_views() const { return static_cast<std::size_t>(protocol_.train_views); }
 
   const Protocol& protocol_;
   const Progress& progress_;
+  Store results_;
+  Store views_;
   std::vector<Entry> entries_;
   std::vector<std::string> names_;
   int jobs_;
   Forecast forecast_;
   std::mutex show_;
+  std::mutex keep_;
   Report report_;
   std::string current_;  // category
   std::size_t finished_ = 0;
@@ -127,13 +202,13 @@ class Evaluation {
 
 // -- progress ----------------------------------------------------------------------------------
 
-bool Evaluation::each(Work kind, const std::string& step, std::size_t count,
+bool Evaluation::each(Piece piece, const std::string& step, std::size_t count,
                       const std::function<void(std::size_t)>& body) {
   return parallel_for(count, jobs_, progress_.stopped, [&](std::size_t i) {
-    const auto start = std::chrono::steady_clock::now();
+    const auto start = Clock::now();
     body(i);
-    const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - start;
-    forecast_.done(kind, spent.count());
+    const std::chrono::duration<double> spent = Clock::now() - start;
+    forecast_.done(piece, spent.count());
     if (!progress_.step) return;
     const std::lock_guard lock(show_);
     progress_.step(status(step));
@@ -149,69 +224,83 @@ Status Evaluation::status(const std::string& step) const {
           .seconds_left = forecast_.seconds_left()};
 }
 
-// What all categories will take if every shape has all its views and all are compatible.
-void Evaluation::expect(const std::vector<Category>& categories) {
-  for (const Category& category : categories) {
-    const auto shapes = static_cast<long>(category.shapes.size());
-    const auto configurations = static_cast<long>(entries_.size());
-    forecast_.expect(Work::shape, shapes);
-    forecast_.expect(Work::view, shapes * static_cast<long>(view_count()));
-    forecast_.expect(Work::model, shapes * configurations);
-    forecast_.expect(Work::query, shapes * protocol_.query_views * configurations);
-  }
-}
-
-void Evaluation::expect_instead(Work kind, std::size_t before, std::size_t now) {
-  forecast_.expect(kind, static_cast<long>(now) - static_cast<long>(before));
-}
-
-// -- shapes and views --------------------------------------------------------------------------
-
-void Evaluation::open(const std::string& category, Subject& subject) const {
-  const std::string where = category + "/" + subject.shape.name;
-  try {
-    subject.mesh = inputs::read_labelled_mesh(subject.shape.mesh, subject.shape.labels);
-    subject.camera = protocol_.camera;
-    subject.camera.count = static_cast<int>(view_count());
-    subject.camera.seed = camera_seed(subject.seed);
-    subject.directions = camera::choose_views(subject.mesh, subject.camera);
-    if (subject.directions.empty())
-      subject.problems.push_back({where, "no view shows enough of every part"});
-  } catch (const std::exception& error) {
-    subject.directions.clear();
-    subject.problems.push_back({where, error.what()});
-  }
-}
-
-bool Evaluation::choose_views(std::vector<Subject>& subjects) {
-  return each(Work::shape, "choice of views", subjects.size(),
-              [&](std::size_t s) { open(current_, subjects[s]); });
-}
-
-bool Evaluation::make_views(std::vector<Subject>& subjects) {
-  std::vector<std::pair<std::size_t, std::size_t>> wanted;
-  for (std::size_t s = 0; s < subjects.size(); ++s) {
-    subjects[s].views.resize(subjects[s].directions.size());
-    for (std::size_t v = 0; v < subjects[s].views.size(); ++v) wanted.emplace_back(s, v);
-  }
-  expect_instead(Work::view, subjects.size() * view_count(), wanted.size());
-  const bool complete = each(Work::view, "views", wanted.size(), [&](std::size_t i) {
-    Subject& subject = subjects[wanted[i].first];
-    const std::size_t v = wanted[i].second;
-    const camera::View& view = subject.directions[v];
-    const Cloud input =
-        finite_points(camera::render(subject.mesh, view.direction, view.roll, subject.camera));
-    subject.views[v] = make_parts(input, entries_, v < query_views());
-  });
-  for (Subject& subject : subjects) {
-    subject.mesh = {};
-    for (std::size_t v = 0; v < subject.views.size(); ++v) {
-      if (v < train_views()) subject.labels.merge(std::set(subject.views[v].labels));
-      for (auto& failure : failures_of(subject.views[v], entries_))
-        subject.problems.push_back(
-            {current_ + "/" + subject.shape.name + in_words(v), std::move(failure)});
+// What a category will take if every shape has all its views and all are compatible.
+void Evaluation::expect(const Job& job) {
+  const std::size_t shapes = job.category.shapes.size();
+  for (const Round& round : job.rounds) {
+    if (round.complete()) continue;
+    expect_instead(Piece::shape, 0, shapes);
+    expect_instead(Piece::view, 0, shapes * view_count());
+    for (const Work& work : round.work) {
+      if (work.block.complete) continue;
+      expect_instead(Piece::model, 0, shapes);
+      expect_instead(Piece::query, work.block.results.size(), shapes * query_views());
     }
   }
+}
+
+void Evaluation::expect_instead(Piece piece, std::size_t before, std::size_t now) {
+  forecast_.expect(piece, static_cast<long>(now) - static_cast<long>(before));
+}
+
+// -- what is kept ------------------------------------------------------------------------------
+
+Work Evaluation::work_of(const Job& job, std::uint64_t seed, std::size_t configuration) const {
+  camera::Params camera = protocol_.camera;
+  std::string key = "pairs of " + job.category.name + '\n' + entries_[configuration].all + '\n' +
+                    recipe(camera::describe(camera)) + '\n';
+  for (const auto& number : {seed, static_cast<std::uint64_t>(protocol_.query_views),
+                             static_cast<std::uint64_t>(protocol_.train_views)})
+    key += std::to_string(number) + '\n';
+  for (std::size_t s = 0; s < job.category.shapes.size(); ++s)
+    key += job.category.shapes[s].name + ' ' + job.fingerprints[s] + '\n';
+  Block block = read_block(key, results_);
+  return {.entry = &entries_[configuration],
+          .configuration = static_cast<int>(configuration),
+          .key = std::move(key),
+          .block = std::move(block)};
+}
+
+Job Evaluation::job_of(const std::string& category) {
+  Job job{.category = read_category(protocol_.data, category, report_.problems)};
+  auto& shapes = job.category.shapes;
+  if (protocol_.shapes > 0 && shapes.size() > static_cast<std::size_t>(protocol_.shapes))
+    shapes.resize(static_cast<std::size_t>(protocol_.shapes));
+  for (const Shape& shape : shapes) try {
+      job.fingerprints.push_back(fingerprint_of(shape.mesh) + fingerprint_of(shape.labels));
+    } catch (const InputError&) {
+      job.fingerprints.emplace_back();  // whoever reads it will say why
+    }
+  for (const std::uint64_t seed : protocol_.seeds) {
+    Round& round = job.rounds.emplace_back(Round{.seed = seed});
+    for (std::size_t c = 0; c < entries_.size(); ++c) round.work.push_back(work_of(job, seed, c));
+  }
+  return job;
+}
+
+// At most once a second, unless `at_once`.
+void Evaluation::keep(Work& work, bool at_once) {
+  if (!at_once && Clock::now() - work.saved < std::chrono::seconds(1)) return;
+  write_block(work.key, work.block, results_);
+  work.saved = Clock::now();
+}
+
+// -- views -------------------------------------------------------------------------------------
+
+bool Evaluation::open(std::vector<Subject>& subjects) {
+  return each(Piece::shape, "choice of views", subjects.size(),
+              [&](std::size_t s) { subjects[s].open(views_); });
+}
+
+bool Evaluation::make_views(std::vector<Subject>& subjects, std::span<const Entry> entries) {
+  std::vector<std::pair<std::size_t, std::size_t>> wanted;
+  for (std::size_t s = 0; s < subjects.size(); ++s)
+    for (std::size_t v = 0; v < subjects[s].views.size(); ++v) wanted.emplace_back(s, v);
+  expect_instead(Piece::view, subjects.size() * view_count(), wanted.size());
+  const bool complete = each(Piece::view, "views", wanted.size(), [&](std::size_t i) {
+    subjects[wanted[i].first].make(wanted[i].second, entries, views_);
+  });
+  for (Subject& subject : subjects) subject.close(entries);
   return complete;
 }
 
@@ -234,159 +323,190 @@ std::vector<Query> Evaluation::queries_of(const std::vector<Subject>& subjects,
   return queries;
 }
 
-// -- models ------------------------------------------------------------------------------------
-
-Model Evaluation::train_one(const Entry& entry, const Subject& subject, pipeline::Times& ms) const {
-  std::vector<training::View> views;
-  for (std::size_t v = 0; v < std::min(subject.views.size(), train_views()); ++v)
-    if (auto features = features_of(subject.views[v], entry))
-      views.push_back({.cloud = std::move(features->frame.cloud),
-                       .descriptors = std::move(features->descriptors),
-                       .spectrum = std::move(features->spectrum)});
-  training::Params params = entry.config.training;
-  seed_training(subject.seed, params);
-  return timed(ms, "training", [&] { return training::train(views, params); });
-}
+// -- models and pairs --------------------------------------------------------------------------
 
 bool Evaluation::train(const Entry& entry, const std::vector<Subject>& subjects,
-                       const std::vector<std::size_t>& references, Models& models) {
+                       const std::set<std::size_t>& references, Models& models) {
   models.resize(subjects.size());
-  return each(Work::model, "models, " + entry.name, references.size(), [&](std::size_t i) {
-    const Subject& subject = subjects[references[i]];
-    models[references[i]] =
-        make([&](pipeline::Times& ms) { return train_one(entry, subject, ms); });
+  std::vector<std::size_t> missing;
+  for (const std::size_t r : references)
+    if (!models[r]) missing.push_back(r);
+  expect_instead(Piece::model, subjects.size(), missing.size());
+  return each(Piece::model, "models, " + entry.name, missing.size(), [&](std::size_t i) {
+    const Subject& subject = subjects[missing[i]];
+    models[missing[i]] = make([&](pipeline::Times& ms) { return subject.train(entry, ms); });
   });
 }
 
-// -- pairs -------------------------------------------------------------------------------------
-
-Pair Evaluation::label_pair(const Target& target, const Model& model, pipeline::Times& ms) const {
-  Scores scores;
-  const Labelling labelling =
-      pipeline::label(target.features, target.segments, model, target.config, scores, &ms);
-  const auto figures = sink::evaluate(target.input, target.segments, labelling);
-  if (!figures) throw InputError("no point has both a true label and a segment");
-  return {.accuracy = figures->accuracy,
-          .majority_floor = figures->floor,
-          .oracle = figures->oracle,
-          .segments = target.segments.count,
-          .expansions = labelling.expansions,
-          .proven_optimal = labelling.proven_optimal};
-}
-
 // Views and references that failed are passed over: they are reported where they failed.
-void Evaluation::label_view(std::size_t configuration, const std::vector<Subject>& subjects,
-                            const Query& query, const Models& models, Outcome& outcome) const {
-  const Entry& entry = entries_[configuration];
+QueryResult Evaluation::label_view(const Work& work, const std::vector<Subject>& subjects,
+                                   const Query& query, const Models& models) const {
+  const Entry& entry = *work.entry;
   const Subject& subject = subjects[query.subject];
   const ViewParts& parts = subject.views[query.view];
-  const auto features = features_of(parts, entry);
-  if (!features || !parts.segments.at(entry.segments).value) return;
-  Target target{.input = parts.frames.at(entry.source).value->input,
-                .features = *features,
+  const bool with_model = entry.labeller == Labeller::method;
+  const Made<source::Frame>& frame = parts.frames.at(entry.source);
+  if (!frame.value || !parts.segments.at(entry.segments).value) return {};
+  Target target{.entry = entry,
+                .input = frame.value->input,
                 .segments = *parts.segments.at(entry.segments).value,
                 .config = entry.config};
-  seed_query(subject.seed, static_cast<int>(query.view), target.config.fisher);
+  if (with_model) target.features = features_of(parts, entry);
+  if (with_model && !target.features) return {};
+  seed_query(subject.seed(), static_cast<int>(query.view), target.config.fisher);
+  QueryResult result;
   for (const std::size_t r : query.references) {
-    if (!models[r].value) continue;
-    const std::string& reference = subjects[r].shape.name;
-    Made<Pair> made =
-        make([&](pipeline::Times& ms) { return label_pair(target, *models[r].value, ms); });
-    if (!made.value) {
-      outcome.problems.push_back({current_ + "/" + subject.shape.name + in_words(query.view),
-                                  "after " + reference + ", " + entry.name + ": " + made.failure});
-      continue;
+    if (with_model && !models[r]->value) continue;
+    pipeline::Times ms;
+    add_times(parts, entry, ms);
+    Teacher teacher;
+    if (with_model) {
+      teacher.model = &*models[r]->value;
+      ms.insert(models[r]->ms.begin(), models[r]->ms.end());
+    } else {
+      teacher.majority = subjects[r].majority(entry);
     }
-    Pair& pair = *made.value;
-    pair.configuration = static_cast<int>(configuration);
-    pair.category = static_cast<int>(report_.categories.size());
-    pair.reference = reference;
-    pair.query = subject.shape.name;
-    pair.view = static_cast<int>(query.view);
-    made.ms.insert(models[r].ms.begin(), models[r].ms.end());
-    add_times(parts, entry, made.ms);
-    for (std::size_t s = 0; s < kStages.size(); ++s) pair.ms[s] = made.ms[std::string(kStages[s])];
-    outcome.pairs.push_back(std::move(pair));
+    try {
+      add_pair(target, teacher, work.block.counts.label_names,
+               {.reference = subjects[r].name(),
+                .query = subject.name(),
+                .view = static_cast<int>(query.view)},
+               ms, result);
+      for (std::size_t s = 0; s < kStages.size(); ++s)
+        result.pairs.back().ms[s] = ms[std::string(kStages[s])];
+    } catch (const std::exception& error) {
+      result.problems.push_back({subject.where(query.view), "after " + subjects[r].name() + ", " +
+                                                                entry.name + ": " + error.what()});
+    }
   }
+  return result;
 }
 
-bool Evaluation::label(std::size_t configuration, const std::vector<Subject>& subjects,
-                       const std::vector<Query>& queries, const Models& models, Outcome& outcome) {
-  std::vector<Outcome> parts(queries.size());
-  const bool complete = each(
-      Work::query, "labels, " + entries_[configuration].name, queries.size(),
-      [&](std::size_t i) { label_view(configuration, subjects, queries[i], models, parts[i]); });
-  for (Outcome& part : parts) {
-    std::ranges::move(part.pairs, std::back_inserter(outcome.pairs));
-    std::ranges::move(part.problems, std::back_inserter(outcome.problems));
+bool Evaluation::evaluate_work(Work& work, std::vector<Subject>& subjects,
+                               const std::vector<Query>& queries, Models& models) {
+  const Entry& entry = *work.entry;
+  Block& block = work.block;
+  std::vector<const Query*> left;
+  std::set<std::size_t> references;
+  for (const Query& query : queries)
+    if (!block.results.contains(query.key())) {
+      left.push_back(&query);
+      references.insert(query.references.begin(), query.references.end());
+    }
+  if (entry.labeller != Labeller::method) references.clear();
+  expect_instead(Piece::query, subjects.size() * query_views() - block.results.size(), left.size());
+  if (!train(entry, subjects, references, models)) return false;
+  for (const std::size_t r : references) {
+    if (models[r]->value) continue;
+    const Problem problem{subjects[r].where(),
+                          "as the reference, " + entry.name + ": " + models[r]->failure};
+    if (std::ranges::find(block.problems, problem) == block.problems.end())
+      block.problems.push_back(problem);
   }
-  return complete;
+  block.complete = each(Piece::query, "labels, " + entry.name, left.size(), [&](std::size_t i) {
+    QueryResult result = label_view(work, subjects, *left[i], models);
+    const std::lock_guard lock(keep_);
+    block.results[left[i]->key()] = std::move(result);
+    keep(work, false);
+  });
+  keep(work, true);
+  return block.complete;
 }
 
 // -- the whole ---------------------------------------------------------------------------------
 
-// Models and labels by every configuration; configurations that are trained alike share models.
-bool Evaluation::evaluate_pairs(const std::vector<Subject>& subjects,
-                                const std::vector<Query>& queries, Outcome& outcome) {
-  const std::vector<std::size_t> references = references_of(queries);
+// By every configuration that is not complete; those that are trained alike share models.
+bool Evaluation::evaluate_round(const Job& job, Round& round) {
+  if (round.complete()) return true;
+  std::vector<Subject> subjects;
+  for (std::size_t s = 0; s < job.category.shapes.size(); ++s)
+    subjects.emplace_back(job.category.shapes[s], job.fingerprints[s], job.category.name,
+                          round.seed, protocol_);
+  std::vector<Entry> wanted;
+  for (const Work& work : round.work)
+    if (!work.block.complete) wanted.push_back(*work.entry);
+  if (!open(subjects) || !make_views(subjects, wanted)) return false;
+
+  CategoryCounts counts{.name = job.category.name};
+  std::set<std::string> names;
+  std::vector<Problem> problems;
+  for (const Subject& subject : subjects) {
+    names.insert(subject.label_names.begin(), subject.label_names.end());
+    problems.insert(problems.end(), subject.problems.begin(), subject.problems.end());
+  }
+  counts.label_names.assign(names.begin(), names.end());
+  const std::vector<Query> queries = queries_of(subjects, counts);
+  if (queries.empty()) problems.push_back({counts.name, "no two shapes make a compatible pair"});
+
   std::map<std::string, Models> models;
-  for (const Entry& entry : entries_) models[entry.training];
-  expect_instead(Work::query, subjects.size() * query_views() * entries_.size(),
-                 queries.size() * entries_.size());
-  expect_instead(Work::model, subjects.size() * entries_.size(), references.size() * models.size());
-  for (std::size_t c = 0; c < entries_.size(); ++c) {
-    const Entry& entry = entries_[c];
-    Models& trained = models[entry.training];
-    if (trained.empty()) {
-      if (!train(entry, subjects, references, trained)) return false;
-      for (const std::size_t r : references)
-        if (!trained[r].value)
-          outcome.problems.push_back(
-              {current_ + "/" + subjects[r].shape.name,
-               "as the reference, " + entry.name + ": " + trained[r].failure});
-    }
-    if (!label(c, subjects, queries, trained, outcome)) return false;
+  for (Work& work : round.work) {
+    if (work.block.complete) continue;
+    work.block.counts = counts;
+    for (const Problem& problem : problems)
+      if (std::ranges::find(work.block.problems, problem) == work.block.problems.end())
+        work.block.problems.push_back(problem);
+    if (!evaluate_work(work, subjects, queries, models[work.entry->training])) return false;
   }
   return true;
 }
 
-bool Evaluation::evaluate_category(const Category& category, Outcome& outcome) {
-  outcome.counts.name = category.name;
-  std::vector<Subject> subjects;
-  for (const Shape& shape : category.shapes)
-    subjects.push_back(
-        {.shape = shape, .seed = shape_seed(protocol_.seed, category.name, shape.name)});
-  if (!choose_views(subjects) || !make_views(subjects)) return false;
-  for (Subject& subject : subjects)
-    std::ranges::move(subject.problems, std::back_inserter(outcome.problems));
-  const std::vector<Query> queries = queries_of(subjects, outcome.counts);
-  if (queries.empty())
-    outcome.problems.push_back({category.name, "no two shapes make a compatible pair"});
-  return evaluate_pairs(subjects, queries, outcome);
+void Evaluation::add_to_report(Job& job) {
+  const int category = static_cast<int>(report_.categories.size());
+  CategoryCounts counts = job.rounds[0].work[0].block.counts;
+  counts.compatible = counts.incompatible = 0;
+  std::vector<Confusion> confusions(entries_.size());
+  std::vector<Problem> problems;
+  for (Round& round : job.rounds) {
+    counts.compatible += round.work[0].block.counts.compatible;
+    counts.incompatible += round.work[0].block.counts.incompatible;
+    for (Work& work : round.work) {
+      const auto add_problem = [&](const Problem& problem) {
+        if (std::ranges::find(problems, problem) == problems.end()) problems.push_back(problem);
+      };
+      std::ranges::for_each(work.block.problems, add_problem);
+      Confusion& confusion = confusions[static_cast<std::size_t>(work.configuration)];
+      confusion.configuration = work.configuration;
+      confusion.category = category;
+      confusion.fraction.resize(counts.label_names.size() * counts.label_names.size());
+      for (auto& [query, result] : work.block.results) {
+        std::ranges::for_each(result.problems, add_problem);
+        for (std::size_t i = 0; i < result.confusion.size(); ++i)
+          confusion.fraction[i] += result.confusion[i];
+        for (Pair& pair : result.pairs) {
+          pair.configuration = work.configuration;
+          pair.category = category;
+          pair.seed = round.seed;
+          report_.pairs.push_back(std::move(pair));
+        }
+      }
+      work.block = {};
+    }
+  }
+  report_.categories.push_back(std::move(counts));
+  std::ranges::move(confusions, std::back_inserter(report_.confusions));
+  std::ranges::move(problems, std::back_inserter(report_.problems));
 }
 
 Report Evaluation::run() {
-  std::vector<Category> categories;
+  std::vector<Job> jobs;
   for (const auto& name : names_) {
-    Category category = read_category(protocol_.data, name, report_.problems);
-    if (protocol_.shapes > 0 && category.shapes.size() > static_cast<std::size_t>(protocol_.shapes))
-      category.shapes.resize(static_cast<std::size_t>(protocol_.shapes));
-    categories.push_back(std::move(category));
+    jobs.push_back(job_of(name));
+    expect(jobs.back());
   }
-  expect(categories);
-  for (const Category& category : categories) {
-    current_ = category.name;
-    Outcome outcome;
-    if (!evaluate_category(category, outcome)) {
-      report_.interrupted = true;
-      return std::move(report_);
-    }
+  for (Job& job : jobs) {
+    current_ = job.category.name;
+    for (Round& round : job.rounds)
+      if (!evaluate_round(job, round)) {
+        report_.interrupted = true;
+        return std::move(report_);
+      }
     ++finished_;
-    report_.categories.push_back(std::move(outcome.counts));
-    std::ranges::move(outcome.pairs, std::back_inserter(report_.pairs));
-    std::ranges::move(outcome.problems, std::back_inserter(report_.problems));
+    add_to_report(job);
     if (progress_.category_done) progress_.category_done(report_, status("done"));
   }
+  for (const Store* store : {&results_, &views_})
+    if (const std::string failure = store->failure(); !failure.empty())
+      report_.problems.push_back({"what is kept for a later start", failure});
   if (report_.pairs.empty()) {
     std::string why = protocol_.data.string() + ": nothing could be evaluated";
     for (const Problem& problem : report_.problems)
@@ -404,9 +524,9 @@ void check(const Protocol& protocol) {
   choose_categories(protocol.data, protocol.categories);
 }
 
-Report evaluate(const Protocol& protocol, const Progress& progress) {
+Report evaluate(const Protocol& protocol, const Progress& progress, const Keep& keep) {
   check(protocol);
-  return Evaluation(protocol, progress).run();
+  return Evaluation(protocol, progress, keep).run();
 }
 
 }  // namespace cosegraph::evaluation

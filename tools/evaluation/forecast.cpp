@@ -6,16 +6,16 @@ namespace cosegraph::evaluation {
 namespace {
 
 // Seconds per piece, believed as much as one piece measured.
-constexpr std::array<double, kWorkKinds> kPrior{1.0, 0.4, 0.4, 0.3};
+constexpr std::array<double, kPieceKinds> kPrior{1.0, 0.4, 0.4, 0.3};
 
 }  // namespace
 
-void Forecast::expect(Work kind, long pieces) {
+void Forecast::expect(Piece kind, long pieces) {
   const std::lock_guard lock(mutex_);
   tally_[static_cast<std::size_t>(kind)].expected += pieces;
 }
 
-void Forecast::done(Work kind, double seconds) {
+void Forecast::done(Piece kind, double seconds) {
   const std::lock_guard lock(mutex_);
   Tally& tally = tally_[static_cast<std::size_t>(kind)];
   ++tally.done;
@@ -30,7 +30,7 @@ double Forecast::fraction() const {
   const std::lock_guard lock(mutex_);
   double all = 0.0;
   double done = 0.0;
-  for (std::size_t kind = 0; kind < kWorkKinds; ++kind) {
+  for (std::size_t kind = 0; kind < kPieceKinds; ++kind) {
     const Tally& tally = tally_[kind];
     all += cost(kind) * static_cast<double>(std::max(tally.expected, tally.done));
     done += cost(kind) * static_cast<double>(tally.done);
@@ -41,7 +41,7 @@ double Forecast::fraction() const {
 double Forecast::seconds_left() const {
   const std::lock_guard lock(mutex_);
   double left = 0.0;
-  for (std::size_t kind = 0; kind < kWorkKinds; ++kind)
+  for (std::size_t kind = 0; kind < kPieceKinds; ++kind)
     left +=
         cost(kind) * static_cast<double>(std::max(0L, tally_[kind].expected - tally_[kind].done));
   return left / jobs_;

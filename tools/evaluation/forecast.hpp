@@ -7,9 +7,9 @@
 
 namespace cosegraph::evaluation {
 
-// Kinds of work in the order in which a category does them.
-enum class Work { shape, view, model, query };
-constexpr std::size_t kWorkKinds = 4;
+// Kinds of pieces of work in the order in which a category does them.
+enum class Piece { shape, view, model, query };
+constexpr std::size_t kPieceKinds = 4;
 
 // Thread-safe. The pieces of one kind are taken to cost the same as those of it that are done.
 class Forecast {
@@ -17,8 +17,8 @@ class Forecast {
   explicit Forecast(int jobs) : jobs_(jobs) {}
 
   // Adds to the pieces expected; less than zero where fewer turned up than were expected.
-  void expect(Work kind, long pieces);
-  void done(Work kind, double seconds);
+  void expect(Piece kind, long pieces);
+  void done(Piece kind, double seconds);
 
   double fraction() const;      // of the estimated thread time, in [0, 1]
   double seconds_left() const;  // wall time
@@ -32,7 +32,7 @@ class Forecast {
   double cost(std::size_t kind) const;
 
   mutable std::mutex mutex_;
-  std::array<Tally, kWorkKinds> tally_;
+  std::array<Tally, kPieceKinds> tally_;
   int jobs_;
 };
 

@@ -6,6 +6,16 @@ namespace cosegraph::evaluation {
 namespace {
 
 constexpr PaperRow kRows[] = {
+    {"",
+     "van Kaick et al. 2011",
+     {58.8, 62.7, 35.2, 43.2, 58.1, 43.5, 59.6, 81.6, 84.2, 60.1, 78.1, 52.2, 41.3, 81.3, 82.0,
+      33.7, 71.6, 71.9, 64.3},
+     61.2},
+    {"",
+     "Kalogerakis et al. 2010",
+     {58.9, 62.0, 35.6, 43.4, 57.0, 43.2, 59.6, 81.8, 84.4, 59.4, 78.6, 52.7, 41.6, 81.7, 82.8,
+      32.5, 70.9, 71.1, 65.5},
+     61.2},
     {"shot+bow",
      "SHOT+BoW",
      {66.2, 59.2, 42.2, 52.1, 57.4, 43.8, 60.6, 90.0, 72.1, 51.1, 75.4, 53.4, 35.8, 82.4, 76.5,
@@ -53,17 +63,29 @@ constexpr PaperRow kRows[] = {
      63.6},
 };
 
+constexpr PaperTime kTimes[] = {{"van Kaick et al. 2011", 766.1, std::nullopt, 290.15},
+                                {"FPFH+FV", 581.0, 34.2, 16.1}};
+
 }  // namespace
 
 std::span<const PaperRow> paper_rows() {
   return kRows;
 }
 
+std::optional<double> paper_accuracy(const PaperRow& row, std::string_view category) {
+  const auto column = std::ranges::find(kPaperCategories, category);
+  if (column == kPaperCategories.end()) return std::nullopt;
+  return row.accuracy[static_cast<std::size_t>(column - kPaperCategories.begin())];
+}
+
 std::optional<double> paper_accuracy(std::string_view configuration, std::string_view category) {
   const auto row = std::ranges::find(kRows, configuration, &PaperRow::configuration);
-  const auto column = std::ranges::find(kPaperCategories, category);
-  if (row == std::end(kRows) || column == kPaperCategories.end()) return std::nullopt;
-  return row->accuracy[static_cast<std::size_t>(column - kPaperCategories.begin())];
+  if (configuration.empty() || row == std::end(kRows)) return std::nullopt;
+  return paper_accuracy(*row, category);
+}
+
+std::span<const PaperTime> paper_times() {
+  return kTimes;
 }
 
 }  // namespace cosegraph::evaluation

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "core/random.hpp"
+#include "tools/evaluation/hash.hpp"
 
 namespace cosegraph::evaluation {
 namespace {
@@ -52,27 +53,41 @@ void set_param(const Fields& fields, const std::string& text) {
   set_field(fields, name, values);
 }
 
+constexpr std::string_view kPlainMethod = "fpfh+fv";  // whose segmentation the bounds use
+
+Entry named_entry(const std::string& name) {
+  if (name == "majority")
+    return {.name = name,
+            .labeller = Labeller::majority,
+            .config = pipeline::config_from_name(kPlainMethod)};
+  if (name == "oracle" || name == "oracle:cpc")
+    return {.name = name,
+            .labeller = Labeller::oracle,
+            .config = pipeline::config_from_name(std::string(kPlainMethod) +
+                                                 name.substr(std::string("oracle").size()))};
+  try {
+    return {.name = name, .config = pipeline::config_from_name(name)};
+  } catch (const ParameterError& error) {
+    throw ParameterError(error.what() + std::string("; and majority, oracle, oracle:cpc"));
+  }
+}
+
 Entry entry_of(const std::string& name, const std::vector<std::string>& params) {
-  Entry entry{.name = name, .config = pipeline::config_from_name(name)};
+  Entry entry = named_entry(name);
   pipeline::Config& config = entry.config;
   config.descriptors.threads = 1;
   const Fields fields = fields_of(config);
   for (const auto& param : params) set_param(fields, param);
   const auto join = [](const std::string& a, const std::string& b) { return a + '\n' + b; };
   entry.source = join(recipe(describe(config.extraction)), recipe(describe(config.source)));
-  entry.descriptors = join(entry.source, descriptors::recipe_of(config.descriptors));
-  if (config.with_spectra) entry.spectra = join(entry.source, recipe(describe(config.spectra)));
   entry.segments =
       join(entry.source, join(recipe(describe(config.supervoxels)), recipe(describe(config.cpc))));
+  entry.all = join(name, recipe(fields));
+  if (entry.labeller != Labeller::method) return entry;
+  entry.descriptors = join(entry.source, descriptors::recipe_of(config.descriptors));
+  if (config.with_spectra) entry.spectra = join(entry.source, recipe(describe(config.spectra)));
   entry.training = join(entry.descriptors, join(entry.spectra, recipe(describe(config.training))));
   return entry;
-}
-
-// FNV-1a: the same on every platform, unlike std::hash.
-std::uint64_t hash(std::string_view text) {
-  std::uint64_t value = 0xcbf29ce484222325ULL;
-  for (const char c : text) value = (value ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
-  return value;
 }
 
 }  // namespace
@@ -88,6 +103,10 @@ std::vector<Entry> entries_of(const Protocol& protocol) {
   return entries;
 }
 
+bool is_bound(std::string_view configuration) {
+  return configuration == "majority" || configuration.starts_with("oracle");
+}
+
 void check_numbers(const Protocol& protocol) {
   const auto require = [](const char* name, int value, int min) {
     if (value < min)
@@ -100,6 +119,10 @@ void check_numbers(const Protocol& protocol) {
   require("the number of shapes", protocol.shapes, 0);
   if (protocol.shapes == 1)
     throw ParameterError("one shape per category makes no pair: at least 2 are needed");
+  if (protocol.seeds.empty()) throw ParameterError("no seed to evaluate with");
+  for (const std::uint64_t seed : protocol.seeds)
+    if (std::ranges::count(protocol.seeds, seed) > 1)
+      throw ParameterError("seed " + std::to_string(seed) + " is named twice");
 }
 
 std::uint64_t shape_seed(std::uint64_t seed, std::string_view category, std::string_view shape) {

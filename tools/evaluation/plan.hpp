@@ -11,20 +11,33 @@
 
 namespace cosegraph::evaluation {
 
+// What labels a query's segments.
+enum class Labeller {
+  method,    // the pipeline
+  majority,  // the reference's most frequent label, everywhere: the floor
+  oracle,    // the most frequent true label in each segment: the ceiling of the segmentation
+};
+
 // A configuration with a text for every part of its work: configurations with the same text share
 // the result.
 struct Entry {
   std::string name;
+  Labeller labeller = Labeller::method;
   pipeline::Config config;
   std::string source;
-  std::string descriptors;
-  std::string spectra;  // empty: none
+  std::string descriptors;  // empty: none
+  std::string spectra;      // empty: none
   std::string segments;
-  std::string training;
+  std::string training;  // empty: none
+  std::string all;       // of everything
 };
 
-// Throws ParameterError for an unknown or repeated configuration or a bad parameter.
+// "majority", "oracle", "oracle:cpc", or what pipeline::config_from_name knows. Throws
+// ParameterError for an unknown or repeated configuration or a bad parameter.
 std::vector<Entry> entries_of(const Protocol& protocol);
+
+// "majority", "oracle" or "oracle:cpc": no method, but what methods lie between.
+bool is_bound(std::string_view configuration);
 
 // Throws ParameterError for numbers that make no sense.
 void check_numbers(const Protocol& protocol);

@@ -2,6 +2,10 @@
 
 #include <algorithm>
 
+#include <nlohmann/json.hpp>
+
+#include "idl/codec.hpp"
+
 namespace cosegraph::evaluation {
 namespace {
 
@@ -12,62 +16,175 @@ std::set<std::string> labels_of(const Cloud& cloud) {
   return names;
 }
 
-Made<source::Frame> make_frame(const Cloud& input, const pipeline::Config& config) {
-  return make([&](pipeline::Times& ms) {
-    return timed(ms, "source",
-                 [&] { return source::prepare(input, config.extraction, config.source); });
-  });
+// -- kept parts: the times, then the values as on the wire --------------------------------------
+
+std::string text_of(const pipeline::Times& ms) {
+  return nlohmann::json(ms).dump();
 }
 
-Made<Segments> make_segments(const source::Frame& frame, const pipeline::Config& config) {
-  return make([&](pipeline::Times& ms) {
-    const pipeline::Features features{.frame = {.dense = frame.dense}};
-    Supervoxels supervoxels;
-    return pipeline::presegment(features, config, supervoxels, &ms);
-  });
+template <class Value>
+std::string packed(const Value& value) {
+  const idl::Bytes bytes = idl::encode({}, value);
+  return {bytes.begin(), bytes.end()};
 }
 
-void make_features(const Cloud& cloud, const Entry& entry, ViewParts& parts) {
-  if (!parts.descriptors.contains(entry.descriptors))
-    parts.descriptors[entry.descriptors] = make([&](pipeline::Times& ms) {
-      return timed(ms, "descriptors",
-                   [&] { return descriptors::compute(cloud, entry.config.descriptors); });
+template <class Value>
+Value unpacked(const std::string& bytes) {
+  return idl::decode<Value>(
+      std::span(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()));
+}
+
+std::vector<std::string> pack(const Made<source::Frame>& frame) {
+  return {text_of(frame.ms), packed(frame.value->input), packed(frame.value->cloud)};
+}
+
+void unpack(const std::vector<std::string>& record, source::Frame& frame) {
+  frame.input = unpacked<Cloud>(record.at(1));
+  frame.cloud = unpacked<Cloud>(record.at(2));
+}
+
+template <class Value>
+std::vector<std::string> pack(const Made<Value>& made) {
+  return {text_of(made.ms), packed(*made.value)};
+}
+
+template <class Value>
+void unpack(const std::vector<std::string>& record, Value& value) {
+  value = unpacked<Value>(record.at(1));
+}
+
+// Makes the parts of one view, each once.
+class Maker {
+ public:
+  Maker(const std::function<Cloud()>& input, bool query, const std::string& key, Store& store)
+      : input_(input), query_(query), key_(key), store_(store) {}
+
+  std::set<std::string> labels() {
+    if (const auto record = store_.read(key_ + "labels")) return {record->begin(), record->end()};
+    const auto names = labels_of(rendered());
+    store_.write(key_ + "labels", std::vector<std::string>(names.begin(), names.end()));
+    return names;
+  }
+
+  Made<source::Frame> frame(const Entry& entry) {
+    return kept<source::Frame>((query_ ? "query frame\n" : "frame\n") + entry.source, [&] {
+      Made<source::Frame> made = whole_frame(entry);
+      if (!made.value) return made;
+      made.value->dense = {};
+      if (!query_) made.value->input = {};
+      return made;
     });
-  if (entry.spectra.empty() || parts.spectra.contains(entry.spectra)) return;
-  parts.spectra[entry.spectra] = make([&](pipeline::Times& ms) {
-    return timed(ms, "spectra", [&] { return spectra::compute(cloud, entry.config.spectra); });
-  });
+  }
+
+  Made<Descriptors> descriptors(const Cloud& cloud, const Entry& entry) {
+    return kept<Descriptors>("descriptors\n" + entry.descriptors, [&] {
+      return make([&](pipeline::Times& ms) {
+        return timed(ms, "descriptors",
+                     [&] { return descriptors::compute(cloud, entry.config.descriptors); });
+      });
+    });
+  }
+
+  Made<Spectrum> spectrum(const Cloud& cloud, const Entry& entry) {
+    return kept<Spectrum>("spectrum\n" + entry.spectra, [&] {
+      return make([&](pipeline::Times& ms) {
+        return timed(ms, "spectra", [&] { return spectra::compute(cloud, entry.config.spectra); });
+      });
+    });
+  }
+
+  Made<Segments> segments(const Entry& entry) {
+    return kept<Segments>("segments\n" + entry.segments, [&] {
+      return make([&](pipeline::Times& ms) {
+        const pipeline::Features features{.frame = {.dense = whole_frame(entry).value->dense}};
+        Supervoxels supervoxels;
+        return pipeline::presegment(features, entry.config, supervoxels, &ms);
+      });
+    });
+  }
+
+ private:
+  // What the store has, else what `work()` makes; failures are not kept.
+  template <class Value, class Work>
+  Made<Value> kept(const std::string& part, Work&& work) {
+    Made<Value> made;
+    if (const auto record = store_.read(key_ + part)) {
+      unpack(*record, made.value.emplace());
+      made.ms = nlohmann::json::parse(record->at(0)).get<pipeline::Times>();
+      return made;
+    }
+    made = work();
+    if (made.value) store_.write(key_ + part, pack(made));
+    return made;
+  }
+
+  const Cloud& rendered() {
+    if (!rendered_) rendered_ = input_();
+    return *rendered_;
+  }
+
+  const Made<source::Frame>& whole_frame(const Entry& entry) {
+    auto& made = whole_[entry.source];
+    if (!made.value && made.failure.empty())
+      made = make([&](pipeline::Times& ms) {
+        return timed(ms, "source", [&] {
+          return source::prepare(rendered(), entry.config.extraction, entry.config.source);
+        });
+      });
+    return made;
+  }
+
+  const std::function<Cloud()>& input_;
+  bool query_;
+  const std::string& key_;
+  Store& store_;
+  std::optional<Cloud> rendered_;
+  std::map<std::string, Made<source::Frame>> whole_;
+};
+
+template <class MadeParts, class Use>
+void visit(const char* stage, const MadeParts& made_parts, const std::string& key, Use& use) {
+  if (const auto at = made_parts.find(key); at != made_parts.end()) use(stage, at->second);
 }
 
 // Calls use(stage, made) for every part that `entry` uses, as far as they were begun.
 template <class Use>
+void for_each_feature(const ViewParts& parts, const Entry& entry, Use&& use) {
+  visit("source", parts.frames, entry.source, use);
+  visit("descriptors", parts.descriptors, entry.descriptors, use);
+  visit("spectra", parts.spectra, entry.spectra, use);
+}
+
+template <class Use>
 void for_each_part(const ViewParts& parts, const Entry& entry, Use&& use) {
-  const auto visit = [&](const char* stage, const auto& made_parts, const std::string& key) {
-    if (const auto at = made_parts.find(key); at != made_parts.end()) use(stage, at->second);
+  for_each_feature(parts, entry, use);
+  visit("segments", parts.segments, entry.segments, use);
+}
+
+// For for_each_part().
+auto adding_to(pipeline::Times& ms) {
+  return [&ms](const std::string&, const auto& made) {
+    for (const auto& [stage, time] : made.ms) ms[stage] += time;
   };
-  visit("source", parts.frames, entry.source);
-  visit("descriptors", parts.descriptors, entry.descriptors);
-  visit("spectra", parts.spectra, entry.spectra);
-  visit("segments", parts.segments, entry.segments);
 }
 
 }  // namespace
 
-ViewParts make_parts(const Cloud& input, std::span<const Entry> entries, bool query) {
-  ViewParts parts{.labels = labels_of(input)};
+ViewParts make_parts(const std::function<Cloud()>& input, std::span<const Entry> entries,
+                     bool query, const std::string& key, Store& store) {
+  Maker maker(input, query, key, store);
+  ViewParts parts{.labels = maker.labels()};
+  const auto add = [](auto& made_parts, const std::string& text, const auto& work) {
+    if (!text.empty() && !made_parts.contains(text)) made_parts[text] = work();
+  };
   for (const Entry& entry : entries) {
-    if (!parts.frames.contains(entry.source))
-      parts.frames[entry.source] = make_frame(input, entry.config);
+    add(parts.frames, entry.source, [&] { return maker.frame(entry); });
     const Made<source::Frame>& frame = parts.frames[entry.source];
     if (!frame.value) continue;
-    make_features(frame.value->cloud, entry, parts);
-    if (query && !parts.segments.contains(entry.segments))
-      parts.segments[entry.segments] = make_segments(*frame.value, entry.config);
-  }
-  for (auto& [key, frame] : parts.frames) {
-    if (!frame.value) continue;
-    frame.value->dense = {};
-    if (!query) frame.value->input = {};
+    const Cloud& cloud = frame.value->cloud;
+    add(parts.descriptors, entry.descriptors, [&] { return maker.descriptors(cloud, entry); });
+    add(parts.spectra, entry.spectra, [&] { return maker.spectrum(cloud, entry); });
+    if (query) add(parts.segments, entry.segments, [&] { return maker.segments(entry); });
   }
   return parts;
 }
@@ -98,9 +215,11 @@ std::optional<pipeline::Features> features_of(const ViewParts& parts, const Entr
 }
 
 void add_times(const ViewParts& parts, const Entry& entry, pipeline::Times& ms) {
-  for_each_part(parts, entry, [&](const std::string&, const auto& made) {
-    for (const auto& [stage, time] : made.ms) ms[stage] += time;
-  });
+  for_each_part(parts, entry, adding_to(ms));
+}
+
+void add_feature_times(const ViewParts& parts, const Entry& entry, pipeline::Times& ms) {
+  for_each_feature(parts, entry, adding_to(ms));
 }
 
 }  // namespace cosegraph::evaluation

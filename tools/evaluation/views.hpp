@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <exception>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -13,6 +14,7 @@
 #include "core/values.hpp"
 #include "pipeline/pipeline.hpp"
 #include "tools/evaluation/plan.hpp"
+#include "tools/evaluation/store.hpp"
 
 namespace cosegraph::evaluation {
 
@@ -56,17 +58,23 @@ struct ViewParts {
   std::map<std::string, Made<Segments>> segments;  // queries only
 };
 
-// `input` is the labelled cloud that the camera sees. Only queries are segmented. Failures are kept
-// in the parts.
-ViewParts make_parts(const Cloud& input, std::span<const Entry> entries, bool query);
+// `input` gives the labelled cloud that the camera sees; it is asked only if a part that `entries`
+// need is not in `store`, where the parts of this view are under keys that begin with `key`. Only
+// queries are segmented. Failures are kept in the parts.
+ViewParts make_parts(const std::function<Cloud()>& input, std::span<const Entry> entries,
+                     bool query, const std::string& key, Store& store);
 
 // What failed for the needs of `entries`, each once, as "STAGE: REASON".
 std::vector<std::string> failures_of(const ViewParts& parts, std::span<const Entry> entries);
 
-// The features of one entry; none if a part of them failed. Without `input` and `dense`.
+// The features of one entry, which has descriptors; none if a part of them failed. Without `input`
+// and `dense`.
 std::optional<pipeline::Features> features_of(const ViewParts& parts, const Entry& entry);
 
 // The milliseconds of everything in `parts` that `entry` uses, added to `ms`.
 void add_times(const ViewParts& parts, const Entry& entry, pipeline::Times& ms);
+
+// The same of what features_of() needs.
+void add_feature_times(const ViewParts& parts, const Entry& entry, pipeline::Times& ms);
 
 }  // namespace cosegraph::evaluation

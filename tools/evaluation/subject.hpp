@@ -1,0 +1,59 @@
+// One shape of a category, seen with one seed. Internal to evaluation.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "camera/camera.hpp"
+#include "tools/evaluation/benchmark.hpp"
+#include "tools/evaluation/store.hpp"
+#include "tools/evaluation/views.hpp"
+
+namespace cosegraph::evaluation {
+
+class Subject {
+ public:
+  Subject(const Shape& shape, std::string fingerprint, const std::string& category,
+          std::uint64_t seed, const Protocol& protocol);
+
+  // Chooses the views; without any, and with a problem that says why, it takes no part.
+  void open(Store& store);
+  // Makes the parts of one view. May be called for several views at once.
+  void make(std::size_t view, std::span<const Entry> entries, Store& store);
+  // To be called when all views are made: collects `labels` and the problems, frees the mesh.
+  void close(std::span<const Entry> entries);
+
+  // As the reference: what it is learned from, and its most frequent label ("" without views).
+  Model train(const Entry& entry, pipeline::Times& ms) const;
+  std::string majority(const Entry& entry) const;
+
+  const std::string& name() const { return shape_.name; }
+  const std::string& where() const { return where_; }  // "Cup/21"
+  std::string where(std::size_t view) const;           // "Cup/21 view 3"
+  std::uint64_t seed() const { return seed_; }
+
+  std::vector<std::string> label_names;  // of the mesh
+  std::vector<ViewParts> views;
+  std::set<std::string> labels;  // that the training views show
+  std::vector<Problem> problems;
+
+ private:
+  class LazyMesh;
+
+  std::size_t train_views() const;
+
+  Shape shape_;
+  std::string where_;
+  std::uint64_t seed_;
+  camera::Params camera_;
+  std::size_t wanted_train_views_;
+  std::size_t query_views_;
+  std::string key_;  // of all that its records depend on
+  std::vector<camera::View> directions_;
+  std::shared_ptr<LazyMesh> mesh_;
+};
+
+}  // namespace cosegraph::evaluation
