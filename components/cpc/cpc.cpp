@@ -1,6 +1,5 @@
 #include "cpc/cpc.hpp"
 
-#include <pcl/console/print.h>
 #include <pcl/point_types.h>
 #include <pcl/segmentation/cpc_segmentation.h>
 #include <pcl/segmentation/supervoxel_clustering.h>
@@ -10,6 +9,7 @@
 #include <cmath>
 #include <map>
 
+#include "core/quiet_pcl.hpp"
 #include "cpc/boundary.hpp"
 
 namespace cosegraph::cpc {
@@ -18,15 +18,6 @@ namespace {
 using Point = pcl::PointXYZRGBA;
 using Clusters = std::map<std::uint32_t, pcl::Supervoxel<Point>::Ptr>;
 using Neighbours = std::multimap<std::uint32_t, std::uint32_t>;
-
-// PCL prints progress and warnings; its console is silenced once for the process.
-void silence_pcl() {
-  static const bool done = [] {
-    pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
-    return true;
-  }();
-  static_cast<void>(done);
-}
 
 void require(bool condition, const std::string& what) {
   if (!condition) throw InputError("supervoxels: " + what);

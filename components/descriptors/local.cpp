@@ -1,6 +1,5 @@
 #include "descriptors/local.hpp"
 
-#include <pcl/console/print.h>
 #include <pcl/features/fpfh_omp.h>
 #include <pcl/features/shot_omp.h>
 #include <pcl/point_cloud.h>
@@ -10,20 +9,13 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/quiet_pcl.hpp"
+
 namespace cosegraph::descriptors {
 namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 using Normals = pcl::PointCloud<pcl::Normal>;
-
-// PCL prints warnings for points without neighbours; its console is silenced once for the process.
-void silence_pcl() {
-  static const bool done = [] {
-    pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
-    return true;
-  }();
-  static_cast<void>(done);
-}
 
 Points::Ptr points_of(std::span<const float> xyz) {
   Points::Ptr points(new Points);

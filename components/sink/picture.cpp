@@ -16,6 +16,7 @@ namespace {
 using Eigen::Vector3f;
 
 constexpr int kSupersampling = 2;  // drawn this many times larger, then averaged
+constexpr int kMinWidth = 64;      // of a panel's image, pixels
 constexpr int kMargin = 16;
 constexpr int kTitleHeight = 30;
 constexpr int kSubtitleHeight = 22;
@@ -297,6 +298,12 @@ const Font kTitleFont{cv::FONT_HERSHEY_DUPLEX, 0.62, kInk};
 const Font kSubtitleFont{cv::FONT_HERSHEY_SIMPLEX, 0.46, kFaintInk};
 const Font kLegendFont{cv::FONT_HERSHEY_SIMPLEX, 0.5, kInk};
 
+// Somewhat smaller over narrow panels.
+Font fitted(Font font, int panel_width) {
+  font.size *= std::clamp(panel_width / 320.0, 0.8, 1.0);
+  return font;
+}
+
 int text_width(const std::string& text, const Font& font) {
   int baseline = 0;
   return cv::getTextSize(text, font.face, font.size, 1, &baseline).width;
@@ -350,7 +357,8 @@ void draw_legend(cv::Mat3b& image, const std::vector<LegendEntry>& entries, cv::
 void check_panels(std::span<const Panel> panels, const Layout& layout) {
   if (panels.empty()) throw InputError("a picture needs at least one panel");
   if (layout.columns < 1) throw ParameterError("columns: a picture needs at least one");
-  if (layout.panel_width < 16) throw ParameterError("panel width: at least 16 pixels");
+  if (layout.panel_width < kMinWidth)
+    throw ParameterError("panel_width: at least " + std::to_string(kMinWidth) + " pixels");
   for (const auto& panel : panels) {
     if (panel.cloud == nullptr) throw InputError("panel '" + panel.title + "' has no cloud");
     if (panel.group.size() != panel.cloud->size())
@@ -369,9 +377,10 @@ void draw_panel(cv::Mat3b& image, const Panel& panel, cv::Point corner, cv::Size
   std::vector<std::int32_t> colours;
   for (const auto& name : panel.names)
     colours.push_back(static_cast<std::int32_t>(std::ranges::find(names, name) - names.begin()));
-  put_text(image, panel.title, corner + cv::Point(0, 21), kTitleFont, size.width);
-  put_text(image, panel.subtitle, corner + cv::Point(0, kTitleHeight + 13), kSubtitleFont,
+  put_text(image, panel.title, corner + cv::Point(0, 21), fitted(kTitleFont, size.width),
            size.width);
+  put_text(image, panel.subtitle, corner + cv::Point(0, kTitleHeight + 13),
+           fitted(kSubtitleFont, size.width), size.width);
   const cv::Rect frame(corner + cv::Point(0, kTitleHeight + kSubtitleHeight), size);
   draw_points(panel, std::move(colours), size).copyTo(image(frame));
 }
@@ -397,7 +406,7 @@ std::string draw_png(std::span<const Panel> panels, const Layout& layout) {
                names);
   draw_legend(image, entries, {kMargin, kMargin + rows * cell.height - kMargin / 2}, width);
   std::vector<unsigned char> bytes;
-  cv::imencode(".png", image, bytes);
+  cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
   return {bytes.begin(), bytes.end()};
 }
 

@@ -1,6 +1,5 @@
 #include "supervoxels/supervoxels.hpp"
 
-#include <pcl/console/print.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 #include <pcl/segmentation/supervoxel_clustering.h>
@@ -11,6 +10,7 @@
 #include <map>
 
 #include "core/nearest.hpp"
+#include "core/quiet_pcl.hpp"
 #include "supervoxels/pieces.hpp"
 
 namespace cosegraph::supervoxels {
@@ -21,15 +21,6 @@ using Clustering = pcl::SupervoxelClustering<Point>;
 using Clusters = std::map<std::uint32_t, pcl::Supervoxel<Point>::Ptr>;
 
 constexpr std::int32_t kNone = -1;
-
-// PCL prints progress and warnings; its console is silenced once for the process.
-void silence_pcl() {
-  static const bool done = [] {
-    pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
-    return true;
-  }();
-  static_cast<void>(done);
-}
 
 std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::lround(255.0F * std::clamp(value, 0.0F, 1.0F)));

@@ -1,7 +1,10 @@
 // What the README promises, as a user does it.
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 
 #include "end_to_end/world.hpp"
 #include "inputs/inputs.hpp"
@@ -94,6 +97,50 @@ TEST(MainJob, OrganisedInputWithHolesKeepsEveryPoint) {
   EXPECT_EQ(answer.height, query.height);
   for (std::size_t i = 0; i < query.size(); ++i)
     ASSERT_EQ(std::isnan(query.xyz[3 * i]), answer.label[i] == kNoLabel) << i;
+}
+
+// A depth camera's image with its intrinsics: the labels of the same view given as a cloud.
+TEST(MainJob, DepthImagesAreLabelledLikeClouds) {
+  const World world;
+  const Mesh mesh = inputs::read_labelled_mesh(world.path("query.off"));
+  const auto direction = camera::choose_views(mesh, {}).at(0).direction;
+  const double distance = 5.0 * std::sqrt(surface_area(mesh));
+  const camera::Pinhole pinhole{
+      .width = 320, .height = 240, .fx = 900, .fy = 900, .cx = 159.5, .cy = 119.5};
+  const auto pose = camera::look_at(
+      {distance * direction[0], distance * direction[1], distance * direction[2]}, {0, 0, 0}, 0.0);
+  const camera::DepthImage seen = camera::cast(mesh, pinhole, pose);
+  const Cloud cloud = camera::to_cloud(seen, mesh);
+  const double step = distance / 40000.0;
+  cv::Mat1w depth(static_cast<int>(pinhole.height), static_cast<int>(pinhole.width), ushort{0});
+  for (std::size_t i = 0; i < seen.depth.size(); ++i)
+    if (seen.face[i] >= 0)
+      depth.at<ushort>(static_cast<int>(i)) = cv::saturate_cast<ushort>(seen.depth[i] / step);
+  fs::create_directories(world.path("camera"));
+  ASSERT_TRUE(cv::imwrite(world.path("camera/frame.png"), depth.reshape(1, 240)));
+  io::write_file(
+      world.path("camera/frame.json"),
+      nlohmann::json{{"fx", 900}, {"fy", 900}, {"cx", 159.5}, {"cy", 119.5}, {"depth_scale", step}}
+          .dump());
+  io::write_cloud(world.path("frame.ply"), cloud);
+
+  World::expect_fine({"cosegraph", "segment", "--model", world.path("model.coseg"),
+                      world.path("camera"), "-o", world.path("of-image")});
+  World::expect_fine({"cosegraph", "segment", "--model", world.path("model.coseg"),
+                      world.path("frame.ply"), "-o", world.path("of-cloud")});
+  const Cloud of_image = io::read_cloud(world.path("of-image/frame.ply"));
+  const Cloud of_cloud = io::read_cloud(world.path("of-cloud/frame.ply"));
+  ASSERT_EQ(of_image.size(), cloud.size());
+  ASSERT_EQ(of_image.label_names, of_cloud.label_names);
+  std::size_t points = 0;
+  std::size_t same = 0;
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    ASSERT_EQ(of_image.label[i] == kNoLabel, seen.face[i] < 0) << i;
+    points += seen.face[i] >= 0 ? 1 : 0;
+    same += seen.face[i] >= 0 && of_image.label[i] == of_cloud.label[i] ? 1 : 0;
+  }
+  EXPECT_GT(points, 5000U);
+  EXPECT_GT(same, points * 97 / 100);
 }
 
 // One process, many processes and plain function calls: the same labels, bit for bit.

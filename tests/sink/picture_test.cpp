@@ -215,6 +215,29 @@ TEST(DrawPng, SeesARawObjectFromOutside) {
   EXPECT_GT(cv::countNonZero(pixels_of(image, 0) | pixels_of(image, 1)), 10000);
 }
 
+TEST(DrawPng, PanelsCanBeSmaller) {
+  const auto scene = three_patches();
+  const std::vector<Panel> panels(20, scene.panel({}));
+  const auto usual = decoded(draw_png(panels, {.columns = 9}));
+  const auto small = decoded(draw_png(panels, {.columns = 9, .panel_width = 220}));
+  EXPECT_EQ(usual.cols - small.cols, 9 * (480 - 220));
+  EXPECT_EQ(usual.rows - small.rows, 3 * (400 - 183));
+  EXPECT_GT(cv::countNonZero(pixels_of(small, 0)), 18 * 500);
+}
+
+// Nothing below the last row of panels.
+TEST(DrawPng, HasNoLegendWithoutNamesOrWhereNoneIsWanted) {
+  const auto scene = three_patches();
+  const auto named = decoded(png_of(scene.panel({"a", "b", "c"})));
+  const auto unnamed = decoded(png_of(scene.panel({})));
+  const Panel panel = scene.panel({"a", "b", "c"});
+  const auto unwanted = decoded(draw_png(std::span(&panel, 1), {.legend = false}));
+  EXPECT_LT(unnamed.rows, named.rows);
+  EXPECT_EQ(unnamed.size(), unwanted.size());
+  const cv::Mat below = unnamed(cv::Rect(0, 470, unnamed.cols, unnamed.rows - 470));
+  EXPECT_EQ(cv::norm(below, cv::Mat3b(below.size(), cv::Vec3b::all(255)), cv::NORM_INF), 0.0);
+}
+
 TEST(DrawPng, RefusesPanelsThatDoNotFit) {
   auto scene = three_patches();
   EXPECT_THROW(draw_png({}), InputError);
@@ -222,6 +245,7 @@ TEST(DrawPng, RefusesPanelsThatDoNotFit) {
   EXPECT_THROW(png_of(scene.panel({"a", "b"})), InputError);
   const Panel panel = scene.panel({});
   EXPECT_THROW(draw_png(std::span(&panel, 1), {.columns = 0}), ParameterError);
+  EXPECT_THROW(draw_png(std::span(&panel, 1), {.panel_width = 10}), ParameterError);
   scene.group.pop_back();
   EXPECT_THROW(png_of(scene.panel({})), InputError);
 }

@@ -1,8 +1,6 @@
 // The benchmark command: the protocol of tools/evaluation with files, a terminal and Ctrl-C.
-#include <signal.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -11,6 +9,7 @@
 
 #include "io/file.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/stop_signals.hpp"
 #include "tools/evaluation/evaluation.hpp"
 #include "tools/evaluation/paper.hpp"
 #include "tools/evaluation/pictures.hpp"
@@ -21,17 +20,6 @@ namespace cosegraph::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::atomic<bool> stop_asked = false;
-
-// The first SIGINT or SIGTERM asks for a clean end, a second one ends at once.
-void stop_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop_asked = true; };
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-}
 
 std::string duration(double seconds) {
   const auto s = static_cast<long>(seconds + 0.5);
@@ -125,10 +113,10 @@ int evaluate(const Arguments& arguments) {
   const fs::path folder = arguments.folder;
   evaluation::check(protocol);
   make_folder(folder);
-  stop_on_signals();
+  const StopSignals signals;
   Display display;
   const evaluation::Progress progress{
-      .stopped = [] { return stop_asked.load(); },
+      .stopped = [&] { return signals.asked().load(); },
       .step = [&](const evaluation::Status& status) { display.show(status); },
       .category_done =
           [&](const evaluation::Report& report, const evaluation::Status& status) {

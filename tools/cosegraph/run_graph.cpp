@@ -1,22 +1,19 @@
 #include "tools/cosegraph/run_graph.hpp"
 
-#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/stop_signals.hpp"
 
 namespace cosegraph::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::atomic<bool> stop_asked = false;
 
 fs::path executable_folder() {
   return fs::read_symlink("/proc/self/exe").parent_path();
@@ -50,27 +47,6 @@ class ProgressLine {
  private:
   bool terminal_ = ::isatty(STDERR_FILENO) != 0;
   std::string shown_;
-};
-
-class StopSignals {
- public:
-  StopSignals() {
-    stop_asked = false;
-    struct sigaction action {};
-    action.sa_handler = [](int) { stop_asked = true; };
-    ::sigaction(SIGINT, &action, &interrupt_);
-    ::sigaction(SIGTERM, &action, &terminate_);
-  }
-  ~StopSignals() {
-    ::sigaction(SIGINT, &interrupt_, nullptr);
-    ::sigaction(SIGTERM, &terminate_, nullptr);
-  }
-  StopSignals(const StopSignals&) = delete;
-  StopSignals& operator=(const StopSignals&) = delete;
-
- private:
-  struct sigaction interrupt_ {};
-  struct sigaction terminate_ {};
 };
 
 void print_failures(const graph::RunReport& report) {
@@ -123,7 +99,7 @@ graph::RunReport run_graph(const graph::GraphDescription& graph, Processes proce
   const StopSignals signals;
   ProgressLine progress;
   graph::RunOptions options{.on_update = [&](const auto& stages) { progress.update(stages); },
-                            .stop = &stop_asked};
+                            .stop = &signals.asked()};
   if (processes == Processes::one) return graph::run_in_process(graph, stage_table(), options);
   return graph::run_processes(graph, graph::catalog_of(stage_table()), options,
                               {.executables = executable_folder(),

@@ -174,7 +174,7 @@ int decade(double value) {
 
 std::string png(const cv::Mat3b& image) {
   std::vector<unsigned char> bytes;
-  cv::imencode(".png", image, bytes);
+  cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6});
   return {bytes.begin(), bytes.end()};
 }
 
@@ -287,7 +287,6 @@ struct Axis {
   double height(double value) const {
     return std::clamp((scale(value) - low) / (high - low), 0.0, 1.0);
   }
-  double baseline() const { return logarithmic ? low : 0.0; }
 };
 
 // `free` is the share of the height that stays free over the highest whisker, for its number.
@@ -318,6 +317,9 @@ Axis logarithmic_axis(const BarChart& chart, double free) {
   const double high = std::max(std::log10(highest.value_or(1.0)), low + 1.0);
   return {.logarithmic = true, .low = low, .high = low + (high - low) / (1.0 - free)};
 }
+
+// Where bars start; on a logarithmic axis the lower edge.
+constexpr double kBaseline = 0.0;
 
 struct Tick {
   double value;
@@ -438,6 +440,8 @@ void draw_axis(cv::Mat3b& image, const BarChart& chart, const BarLayout& layout,
     cv::line(image, {plot.x, row}, {plot.br().x, row}, tick.text.empty() ? kFaintGrid : kGrid);
     put_text(image, tick.text, {plot.x - 8, row + 5}, kTickFont, Align::kRight);
   }
+  const int base = row_of(layout, axis, kBaseline);
+  cv::line(image, {plot.x, base}, {plot.br().x, base}, kFaintInk);
   put_text(image, chart.unit, {plot.x - 8, plot.y - 12}, kTickFont,
            text_width(chart.unit, kTickFont) < layout.axis_width ? Align::kRight : Align::kLeft);
 }
@@ -460,7 +464,7 @@ void draw_whisker(cv::Mat3b& image, int column, int top, int bottom, int half_ca
 void draw_bar(cv::Mat3b& image, const Series& series, std::size_t s, std::size_t group,
               const BarLayout& layout, const Axis& axis, const std::string& text, int left) {
   const double value = series.values[group];
-  const int base = row_of(layout, axis, axis.logarithmic ? 0.0 : axis.baseline());
+  const int base = row_of(layout, axis, kBaseline);
   const int end = row_of(layout, axis, value);
   const int width = layout.bar - 2;
   const int height = std::max(1, std::abs(end - base));
@@ -567,10 +571,9 @@ bool names_fit_cells(const ConfusionMatrix& matrix, int cell) {
 }
 
 int column_names_height(const ConfusionMatrix& matrix, int cell) {
-  const int share = text_width("share", kTickFont);
   if (names_fit_cells(matrix, cell)) return kTickFont.line;
   const auto names = shortened(matrix.names, kTickFont, kMaxLabelName);
-  return std::max(share, widest(names, kTickFont)) + 10;
+  return widest(names, kTickFont) + 10;
 }
 
 // White over blue to dark blue.
@@ -592,7 +595,9 @@ std::string percent(double share) {
 
 void draw_cell(cv::Mat3b& image, cv::Rect box, double share) {
   cv::rectangle(image, box, shade(share), cv::FILLED);
-  const Font font{kValueFont.face, kValueFont.size, share > 0.4 ? kPaper : kInk, kValueFont.line};
+  Font font = kValueFont;
+  if (share > 0.4) font.ink = kPaper;
+  if (share < 0.005) font.ink = kFaintInk;
   put_text(image, percent(share), {box.x + box.width / 2, box.y + box.height / 2 + 4}, font,
            Align::kCentre);
 }
