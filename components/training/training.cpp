@@ -117,6 +117,13 @@ void check_views(std::span<const View> views) {
                  views[0].descriptors.recipe);
     require_same(v, "descriptor channels are", channel_names(view.descriptors),
                  channel_names(views[0].descriptors));
+  }
+}
+
+// All views or none have a spectrum, of one kind.
+void check_spectra(std::span<const View> views) {
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const View& view = views[v];
     if (view.spectrum.has_value() != views[0].spectrum.has_value())
       throw MismatchError(view_name(v) + (view.spectrum ? " has" : " lacks") +
                           " a spectrum, unlike view 0");
@@ -312,15 +319,15 @@ Fields describe(Params& params) {
                      "Pairs of such points that make two parts neighbours.")});
 }
 
-Model train(std::span<const View> views, const Params& params, const Progress& progress) {
+AppearanceModel learn_appearance(std::span<const View> views, const Params& params,
+                                 const Progress& progress) {
   const auto report = [&](std::string_view step, double done) {
     if (progress) progress(step, done);
   };
   check_views(views);
   const Parts parts = parts_of(views);
 
-  Model model;
-  AppearanceModel& appearance = model.appearance;
+  AppearanceModel appearance;
   appearance.label_names = parts.names;
   appearance.label_share = parts.share;
   appearance.cloud_recipe = views[0].cloud.recipe;
@@ -343,10 +350,22 @@ Model train(std::span<const View> views, const Params& params, const Progress& p
   }
   report("classifier", 0.0);
   appearance.classifier = fit_classifier(appearance.channels, std::move(packets), parts, params);
-  report("relations", 0.0);
-  model.relation = fit_relations(views, parts, params);
+  return appearance;
+}
+
+RelationModel learn_relations(std::span<const View> views, const Params& params) {
+  check_views(views);
+  check_spectra(views);
+  return fit_relations(views, parts_of(views), params);
+}
+
+Model train(std::span<const View> views, const Params& params, const Progress& progress) {
+  check_spectra(views);
+  Model model{.appearance = learn_appearance(views, params, progress)};
+  if (progress) progress("relations", 0.0);
+  model.relation = learn_relations(views, params);
   model.appearance.id = model.relation.id = model::content_id(model);
-  report("relations", 1.0);
+  if (progress) progress("relations", 1.0);
   return model;
 }
 

@@ -43,4 +43,10 @@ using Progress = std::function<void(std::string_view step, double done)>;
 // MismatchError if the views' recipes differ. The id is a hash of everything else in the model.
 Model train(std::span<const View> views, const Params& params, const Progress& progress = {});
 
+// The two halves of train(), which do not depend on each other; without ids. The first one does not
+// look at spectra.
+AppearanceModel learn_appearance(std::span<const View> views, const Params& params,
+                                 const Progress& progress = {});
+RelationModel learn_relations(std::span<const View> views, const Params& params);
+
 }  // namespace cosegraph::training

@@ -174,6 +174,19 @@ TEST(Training, IsTheSameTwice) {
             model::to_bytes(train(views, small_params())));
 }
 
+TEST(Training, ItsHalvesAreLearnedIndependently) {
+  const auto views = synthetic_views(true);
+  const Model model = train(views, small_params());
+  auto without_spectra = views;
+  without_spectra[1].spectrum.reset();  // appearance does not look at them
+  Model halves{.appearance = learn_appearance(without_spectra, small_params()),
+               .relation = learn_relations(views, small_params())};
+  EXPECT_EQ(halves.appearance.id, 0U);
+  halves.appearance.id = halves.relation.id = model.appearance.id;
+  EXPECT_EQ(model::to_bytes(halves), model::to_bytes(model));
+  EXPECT_THROW(learn_relations(without_spectra, small_params()), MismatchError);
+}
+
 TEST(Training, DoesNotDependOnTheOrderOfLabelNames) {
   auto views = synthetic_views(true);
   const std::string before = model::to_bytes(train(views, small_params()));

@@ -29,7 +29,30 @@ struct Query {
   std::array<int, 2> key() const { return {static_cast<int>(subject), static_cast<int>(view)}; }
 };
 
+// Halves of models per subject, as far as they are needed, by the texts that Entry has for them.
+template <class Half>
+using Learned = std::map<std::string, std::vector<std::optional<Made<Half>>>>;
+
+struct Lessons {
+  Learned<AppearanceModel> appearance;
+  Learned<RelationModel> relations;
+};
+
 using Models = std::vector<std::optional<Made<Model>>>;  // per subject, as far as they are needed
+
+// Both halves for one configuration.
+Made<Model> joined(const Made<AppearanceModel>& appearance, const Made<RelationModel>* relations) {
+  Made<Model> model{.ms = appearance.ms};
+  if (!appearance.value || (relations != nullptr && !relations->value)) {
+    model.failure = appearance.value ? relations->failure : appearance.failure;
+    return model;
+  }
+  model.value = Model{.appearance = *appearance.value};
+  if (relations == nullptr) return model;
+  model.value->relation = *relations->value;
+  for (const auto& [stage, time] : relations->ms) model.ms[stage] += time;
+  return model;
+}
 
 // One configuration's work in one category with one seed.
 struct Work {
@@ -160,11 +183,11 @@ class Evaluation {
   // All of these answer false if they were stopped.
   bool evaluate_round(const Job& job, Round& round);
   bool evaluate_work(Work& work, std::vector<Subject>& subjects, const std::vector<Query>& queries,
-                     Models& models);
+                     Lessons& lessons);
   bool open(std::vector<Subject>& subjects);
   bool make_views(std::vector<Subject>& subjects, std::span<const Entry> entries);
-  bool train(const Entry& entry, const std::vector<Subject>& subjects,
-             const std::set<std::size_t>& references, Models& models);
+  bool learn(const Entry& entry, const std::vector<Subject>& subjects,
+             const std::set<std::size_t>& references, Lessons& lessons);
 
   Job job_of(const std::string& category);
   Work work_of(const Job& job, std::uint64_t seed, std::size_t configuration) const;
@@ -325,16 +348,24 @@ std::vector<Query> Evaluation::queries_of(const std::vector<Subject>& subjects,
 
 // -- models and pairs --------------------------------------------------------------------------
 
-bool Evaluation::train(const Entry& entry, const std::vector<Subject>& subjects,
-                       const std::set<std::size_t>& references, Models& models) {
-  models.resize(subjects.size());
+bool Evaluation::learn(const Entry& entry, const std::vector<Subject>& subjects,
+                       const std::set<std::size_t>& references, Lessons& lessons) {
+  auto& appearance = lessons.appearance[entry.appearance];
+  auto& relations = lessons.relations[entry.relations];
+  appearance.resize(subjects.size());
+  relations.resize(subjects.size());
   std::vector<std::size_t> missing;
   for (const std::size_t r : references)
-    if (!models[r]) missing.push_back(r);
+    if (!appearance[r] || (!entry.relations.empty() && !relations[r])) missing.push_back(r);
   expect_instead(Piece::model, subjects.size(), missing.size());
   return each(Piece::model, "models, " + entry.name, missing.size(), [&](std::size_t i) {
-    const Subject& subject = subjects[missing[i]];
-    models[missing[i]] = make([&](pipeline::Times& ms) { return subject.train(entry, ms); });
+    const std::size_t r = missing[i];
+    const Subject& subject = subjects[r];
+    if (!appearance[r])
+      appearance[r] =
+          make([&](pipeline::Times& ms) { return subject.learn_appearance(entry, ms); });
+    if (!entry.relations.empty() && !relations[r])
+      relations[r] = make([&](pipeline::Times& ms) { return subject.learn_relations(entry, ms); });
   });
 }
 
@@ -353,6 +384,7 @@ QueryResult Evaluation::label_view(const Work& work, const std::vector<Subject>&
                 .config = entry.config};
   if (with_model) target.features = features_of(parts, entry);
   if (with_model && !target.features) return {};
+  if (!entry.spectra.empty() && !target.features->spectrum) return {};
   seed_query(subject.seed(), static_cast<int>(query.view), target.config.fisher);
   QueryResult result;
   for (const std::size_t r : query.references) {
@@ -383,7 +415,7 @@ QueryResult Evaluation::label_view(const Work& work, const std::vector<Subject>&
 }
 
 bool Evaluation::evaluate_work(Work& work, std::vector<Subject>& subjects,
-                               const std::vector<Query>& queries, Models& models) {
+                               const std::vector<Query>& queries, Lessons& lessons) {
   const Entry& entry = *work.entry;
   Block& block = work.block;
   std::vector<const Query*> left;
@@ -395,8 +427,13 @@ bool Evaluation::evaluate_work(Work& work, std::vector<Subject>& subjects,
     }
   if (entry.labeller != Labeller::method) references.clear();
   expect_instead(Piece::query, subjects.size() * query_views() - block.results.size(), left.size());
-  if (!train(entry, subjects, references, models)) return false;
+  if (!learn(entry, subjects, references, lessons)) return false;
+  Models models(subjects.size());
   for (const std::size_t r : references) {
+    const bool alone = entry.relations.empty();
+    models[r] = joined(*lessons.appearance[entry.appearance][r],
+                       alone ? nullptr : &*lessons.relations[entry.relations][r]);
+    models[r]->ms["reference"] = subjects[r].reference_ms(entry);
     if (models[r]->value) continue;
     const Problem problem{subjects[r].where(),
                           "as the reference, " + entry.name + ": " + models[r]->failure};
@@ -415,7 +452,7 @@ bool Evaluation::evaluate_work(Work& work, std::vector<Subject>& subjects,
 
 // -- the whole ---------------------------------------------------------------------------------
 
-// By every configuration that is not complete; those that are trained alike share models.
+// By every configuration that is not complete; those that learn alike share what they learned.
 bool Evaluation::evaluate_round(const Job& job, Round& round) {
   if (round.complete()) return true;
   std::vector<Subject> subjects;
@@ -438,14 +475,14 @@ bool Evaluation::evaluate_round(const Job& job, Round& round) {
   const std::vector<Query> queries = queries_of(subjects, counts);
   if (queries.empty()) problems.push_back({counts.name, "no two shapes make a compatible pair"});
 
-  std::map<std::string, Models> models;
+  Lessons lessons;
   for (Work& work : round.work) {
     if (work.block.complete) continue;
     work.block.counts = counts;
     for (const Problem& problem : problems)
       if (std::ranges::find(work.block.problems, problem) == work.block.problems.end())
         work.block.problems.push_back(problem);
-    if (!evaluate_work(work, subjects, queries, models[work.entry->training])) return false;
+    if (!evaluate_work(work, subjects, queries, lessons)) return false;
   }
   return true;
 }

@@ -86,7 +86,8 @@ Entry entry_of(const std::string& name, const std::vector<std::string>& params) 
   if (entry.labeller != Labeller::method) return entry;
   entry.descriptors = join(entry.source, descriptors::recipe_of(config.descriptors));
   if (config.with_spectra) entry.spectra = join(entry.source, recipe(describe(config.spectra)));
-  entry.training = join(entry.descriptors, join(entry.spectra, recipe(describe(config.training))));
+  entry.appearance = join(entry.descriptors, recipe(describe(config.training)));
+  if (config.with_spectra) entry.relations = join(entry.appearance, entry.spectra);
   return entry;
 }
 

@@ -28,8 +28,9 @@ struct Entry {
   std::string descriptors;  // empty: none
   std::string spectra;      // empty: none
   std::string segments;
-  std::string training;  // empty: none
-  std::string all;       // of everything
+  std::string appearance;  // what is learned; empty: nothing
+  std::string relations;   // empty: nothing
+  std::string all;         // of everything
 };
 
 // "majority", "oracle", "oracle:cpc", or what pipeline::config_from_name knows. Throws

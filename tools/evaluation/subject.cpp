@@ -90,20 +90,41 @@ void Subject::close(std::span<const Entry> entries) {
   }
 }
 
-Model Subject::train(const Entry& entry, pipeline::Times& ms) const {
+std::vector<training::View> Subject::learned_views(const Entry& entry) const {
   std::vector<training::View> learned;
-  pipeline::Times of_views;
   for (std::size_t v = 0; v < train_views(); ++v)
-    if (auto features = features_of(views[v], entry)) {
+    if (auto features = features_of(views[v], entry))
       learned.push_back({.cloud = std::move(features->frame.cloud),
                          .descriptors = std::move(features->descriptors),
                          .spectrum = std::move(features->spectrum)});
-      add_feature_times(views[v], entry, of_views);
-    }
-  for (const auto& [stage, time] : of_views) ms["reference"] += time;
+  return learned;
+}
+
+training::Params Subject::training_params(const Entry& entry) const {
   training::Params params = entry.config.training;
   seed_training(seed_, params);
-  return timed(ms, "training", [&] { return training::train(learned, params); });
+  return params;
+}
+
+AppearanceModel Subject::learn_appearance(const Entry& entry, pipeline::Times& ms) const {
+  const auto learned = learned_views(entry);
+  return timed(ms, "training",
+               [&] { return training::learn_appearance(learned, training_params(entry)); });
+}
+
+RelationModel Subject::learn_relations(const Entry& entry, pipeline::Times& ms) const {
+  auto learned = learned_views(entry);
+  std::erase_if(learned, [](const training::View& view) { return !view.spectrum; });
+  return timed(ms, "training",
+               [&] { return training::learn_relations(learned, training_params(entry)); });
+}
+
+double Subject::reference_ms(const Entry& entry) const {
+  pipeline::Times ms;
+  for (std::size_t v = 0; v < train_views(); ++v) add_feature_times(views[v], entry, ms);
+  double sum = 0.0;
+  for (const auto& [stage, time] : ms) sum += time;
+  return sum;
 }
 
 std::string Subject::majority(const Entry& entry) const {

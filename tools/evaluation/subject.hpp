@@ -26,9 +26,14 @@ class Subject {
   // To be called when all views are made: collects `labels` and the problems, frees the mesh.
   void close(std::span<const Entry> entries);
 
-  // As the reference: what it is learned from, and its most frequent label ("" without views).
-  Model train(const Entry& entry, pipeline::Times& ms) const;
+  // As the reference: what is learned of it, and its most frequent label ("" without views).
+  // Relations are learned from the views that have a spectrum.
+  AppearanceModel learn_appearance(const Entry& entry, pipeline::Times& ms) const;
+  RelationModel learn_relations(const Entry& entry, pipeline::Times& ms) const;
   std::string majority(const Entry& entry) const;
+
+  // The times of all that is seen of it as the reference.
+  double reference_ms(const Entry& entry) const;
 
   const std::string& name() const { return shape_.name; }
   const std::string& where() const { return where_; }  // "Cup/21"
@@ -44,6 +49,8 @@ class Subject {
   class LazyMesh;
 
   std::size_t train_views() const;
+  std::vector<training::View> learned_views(const Entry& entry) const;
+  training::Params training_params(const Entry& entry) const;
 
   Shape shape_;
   std::string where_;

@@ -207,10 +207,7 @@ std::optional<pipeline::Features> features_of(const ViewParts& parts, const Entr
   if (!descriptors.value) return std::nullopt;
   pipeline::Features features{.frame = {.cloud = frame.value->cloud},
                               .descriptors = *descriptors.value};
-  if (entry.spectra.empty()) return features;
-  const Made<Spectrum>& spectrum = parts.spectra.at(entry.spectra);
-  if (!spectrum.value) return std::nullopt;
-  features.spectrum = *spectrum.value;
+  if (!entry.spectra.empty()) features.spectrum = parts.spectra.at(entry.spectra).value;
   return features;
 }
 

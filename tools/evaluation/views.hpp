@@ -67,14 +67,14 @@ ViewParts make_parts(const std::function<Cloud()>& input, std::span<const Entry>
 // What failed for the needs of `entries`, each once, as "STAGE: REASON".
 std::vector<std::string> failures_of(const ViewParts& parts, std::span<const Entry> entries);
 
-// The features of one entry, which has descriptors; none if a part of them failed. Without `input`
-// and `dense`.
+// The features of one entry, which has descriptors, without `input` and `dense`; nothing if the
+// frame or the descriptors failed, no spectrum if that failed or is not used.
 std::optional<pipeline::Features> features_of(const ViewParts& parts, const Entry& entry);
 
 // The milliseconds of everything in `parts` that `entry` uses, added to `ms`.
 void add_times(const ViewParts& parts, const Entry& entry, pipeline::Times& ms);
 
-// The same of what features_of() needs.
+// The same of what features_of() gives.
 void add_feature_times(const ViewParts& parts, const Entry& entry, pipeline::Times& ms);
 
 }  // namespace cosegraph::evaluation
