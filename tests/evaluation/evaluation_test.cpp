@@ -316,6 +316,10 @@ TEST(Evaluation, BadShapesAreReportedAndLeftOutAndTheRunGoesOn) {
   test::add_sphere(hidden, 0, 1.0, 0.0);
   test::add_sphere(hidden, 1, 0.2, 0.0);
   test::write_shape(category, "5", hidden);
+  Mesh open = test::lollipop(0.5);
+  open.face.erase(open.face.begin() + 3 * 800, open.face.begin() + 3 * 801);
+  open.face_label.pop_back();
+  test::write_shape(category, "6", open);
   std::filesystem::create_directories(folder.path() / "Nothing");
 
   Protocol protocol = quick_protocol(folder.path());
@@ -328,9 +332,14 @@ TEST(Evaluation, BadShapesAreReportedAndLeftOutAndTheRunGoesOn) {
   EXPECT_EQ(report.pairs.size(), 4U);
   std::vector<std::string> where;
   for (const Problem& problem : report.problems) where.push_back(problem.where);
-  EXPECT_THAT(where, ElementsAre("Lollipop/4", "Nothing", "Lollipop/3", "Lollipop/5", "Nothing"));
+  EXPECT_THAT(where, ElementsAre("Lollipop/4", "Nothing", "Lollipop/3", "Lollipop/5", "Lollipop/6",
+                                 "Nothing"));
   EXPECT_THAT(report.problems[2].what, HasSubstr("3_labels.txt"));
   EXPECT_THAT(report.problems[3].what, HasSubstr("no view shows enough of every part"));
+  EXPECT_THAT(report.problems[4].what, HasSubstr("6.off: 3 edges have a face on one side only"));
+  EXPECT_THAT(table_markdown(report), HasSubstr("## Left out: 6"));
+  protocol.flawed = true;
+  EXPECT_EQ(evaluate(protocol).pairs.size(), 12U);
 }
 
 TEST(Evaluation, AReferenceThatCannotBeTrainedIsReportedWithItsPairsCountedAsFailed) {

@@ -44,7 +44,8 @@ void add_revolved(Mesh& mesh, std::int32_t label, Radius radius, Height height) 
 inline void add_sphere(Mesh& mesh, std::int32_t label, double radius, double at) {
   const auto angle = [](double t) { return std::numbers::pi * t; };
   add_revolved(
-      mesh, label, [=](double t) { return radius * std::sin(angle(t)); },
+      mesh, label,
+      [=](double t) { return t == 0.0 || t == 1.0 ? 0.0 : radius * std::sin(angle(t)); },
       [=](double t) { return at - radius * std::cos(angle(t)); });
 }
 

@@ -181,6 +181,9 @@ void add_eval_command(CLI::App& app, const Choose& choose) {
                    "STAGE.NAME=VALUE for all configurations, may be repeated; see 'cosegraph "
                    "stages'")
       ->take_all();
+  lpsb->add_flag("--flawed", protocol.flawed,
+                 "also shapes whose mesh has holes, is no manifold or has vertices without a face; "
+                 "else they are reported and left out");
   lpsb->add_flag("--quick", arguments->quick,
                  "a first impression: 3 shapes of each category, 4 training views and 1 query "
                  "view, unless given otherwise");

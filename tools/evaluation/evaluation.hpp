@@ -33,6 +33,7 @@ struct Protocol {
   int shapes = 0;                                      // per category, the first ones; 0: all
   int query_views = 8;                                 // per shape
   int train_views = 8;                                 // per reference
+  bool flawed = false;                                 // shapes too that flaws_of() objects to
   std::vector<std::uint64_t> seeds{1};                 // the whole is done once for each
   int jobs = 0;                                        // threads; 0: as many as there are cores
   camera::Params camera;                               // count and seed are set by the protocol

@@ -119,14 +119,16 @@ std::string beside_paper(const Report& report, const std::vector<Table>& tables)
   const auto papers = [&](const PaperRow& row) {
     std::vector<std::string> cells{std::string(row.title) + ", paper"};
     double sum = 0.0;
+    bool any = false;
     for (const CategoryCounts& category : report.categories) {
       const auto accuracy = paper_accuracy(row, category.name);
+      any = any || accuracy;
       sum += accuracy.value_or(std::nan(""));
       cells.push_back(accuracy ? format("%.1f", *accuracy) : "");
     }
     const double mean = sum / static_cast<double>(report.categories.size());
     cells.push_back(std::isnan(mean) ? "" : format("%.1f", mean));
-    text += markdown_line(cells);
+    if (any) text += markdown_line(cells);
   };
   for (const PaperRow& row : paper_rows()) {
     papers(row);

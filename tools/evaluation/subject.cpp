@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "inputs/inputs.hpp"
+#include "tools/evaluation/surface.hpp"
 
 namespace cosegraph::camera {
 
@@ -40,10 +41,12 @@ Subject::Subject(const Shape& shape, std::string fingerprint, const std::string&
       camera_(protocol.camera),
       wanted_train_views_(static_cast<std::size_t>(protocol.train_views)),
       query_views_(static_cast<std::size_t>(protocol.query_views)),
+      flawed_allowed_(protocol.flawed),
       mesh_(std::make_shared<LazyMesh>(shape)) {
   camera_.count = std::max(protocol.query_views, protocol.train_views);
   camera_.seed = camera_seed(seed_);
-  key_ = "shape " + fingerprint + '\n' + recipe(camera::describe(camera_)) + '\n';
+  key_ = "shape " + fingerprint + '\n' + recipe(camera::describe(camera_)) + '\n' +
+         (flawed_allowed_ ? "flawed too" : "sound only") + '\n';
 }
 
 std::string Subject::where(std::size_t view) const {
@@ -60,6 +63,7 @@ void Subject::open(Store& store) {
       label_names = nlohmann::json::parse(record->at(0)).get<std::vector<std::string>>();
       directions_ = nlohmann::json::parse(record->at(1)).get<std::vector<camera::View>>();
     } else {
+      check_surface();
       label_names = mesh_->get().label_names;
       directions_ = camera::choose_views(mesh_->get(), camera_);
       store.write(key_ + "views", std::vector{nlohmann::json(label_names).dump(),
@@ -70,6 +74,12 @@ void Subject::open(Store& store) {
     problems.push_back({where_, error.what()});
   }
   views.resize(directions_.size());
+}
+
+void Subject::check_surface() const {
+  if (flawed_allowed_) return;
+  if (const std::string flaws = flaws_of(mesh_->get()); !flaws.empty())
+    throw InputError(shape_.mesh.string() + ": " + flaws);
 }
 
 void Subject::make(std::size_t view, std::span<const Entry> entries, Store& store) {

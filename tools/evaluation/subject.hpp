@@ -48,6 +48,7 @@ class Subject {
  private:
   class LazyMesh;
 
+  void check_surface() const;
   std::size_t train_views() const;
   std::vector<training::View> learned_views(const Entry& entry) const;
   training::Params training_params(const Entry& entry) const;
@@ -58,6 +59,7 @@ class Subject {
   camera::Params camera_;
   std::size_t wanted_train_views_;
   std::size_t query_views_;
+  bool flawed_allowed_;
   std::string key_;  // of all that its records depend on
   std::vector<camera::View> directions_;
   std::shared_ptr<LazyMesh> mesh_;
