@@ -225,6 +225,7 @@ TEST_F(WholeRun, ASecondStartGoesOnWhereTheFirstWasStopped) {
     Counter third;
     EXPECT_EQ(text_of(evaluate(protocol, third.progress(), keep)), text_of(*report_));
     EXPECT_EQ(third.done(), 0);
+    EXPECT_TRUE(std::filesystem::is_empty(kept / "views"));
   }
 }
 
@@ -244,7 +245,7 @@ TEST_F(WholeRun, FinishedPairsOfAStoppedCategoryAreNotDoneAgain) {
 
 TEST_F(WholeRun, WhatIsKeptOfTheViewsGivesTheSameFigures) {
   const TemporaryFolder kept;
-  const Keep keep{.results = {}, .views = kept.path()};
+  const Keep keep{.results = {}, .views = kept.path(), .views_after = true};
   Protocol protocol = quick_protocol(folder_->path());
   protocol.configurations = {"fpfh+fv", "fpfh+fv+iso:cpc"};
   const std::string without = text_of(evaluate(protocol));

@@ -123,7 +123,7 @@ int evaluate(const Arguments& arguments) {
             write_tables(report, folder);
             display.category_done(report, status);
           }};
-  evaluation::Keep keep{.results = folder / "finished"};
+  evaluation::Keep keep{.results = folder / "finished", .views_after = !arguments.cache.empty()};
   if (!arguments.no_cache)
     keep.views = arguments.cache.empty() ? folder / "cache" : fs::path(arguments.cache);
   const evaluation::Report report = evaluation::evaluate(protocol, progress, keep);
@@ -188,8 +188,9 @@ void add_eval_command(CLI::App& app, const Choose& choose) {
                  "a first impression: 3 shapes of each category, 4 training views and 1 query "
                  "view, unless given otherwise");
   auto* cache = lpsb->add_option("--cache", arguments->cache,
-                                 "folder for what depends on a view alone, some MB per view; "
-                                 "default: OUTPUT/cache");
+                                 "folder that keeps what depends on a view alone, some MB per "
+                                 "view, for further runs; default: OUTPUT/cache, for the category "
+                                 "at work only");
   lpsb->add_flag("--no-cache", arguments->no_cache, "keep finished pairs only")->excludes(cache);
   lpsb->add_option("-o,--output", arguments->folder, "folder for the report")->required();
   lpsb->footer(

@@ -20,6 +20,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr const char* kStoreProblem = "what is kept for a later start";
+
 // A query view and the references that it is compatible with.
 struct Query {
   std::size_t subject = 0;
@@ -166,7 +168,7 @@ class Evaluation {
       : protocol_(protocol),
         progress_(progress),
         results_(keep.results),
-        views_(keep.views),
+        keep_views_(keep),
         entries_(entries_of(protocol)),
         names_(choose_categories(protocol.data, protocol.categories)),
         jobs_(protocol.jobs > 0
@@ -182,10 +184,11 @@ class Evaluation {
  private:
   // All of these answer false if they were stopped.
   bool evaluate_round(const Job& job, Round& round);
+  bool evaluate_round(const Job& job, Round& round, Store& views);
   bool evaluate_work(Work& work, std::vector<Subject>& subjects, const std::vector<Query>& queries,
                      Lessons& lessons);
-  bool open(std::vector<Subject>& subjects);
-  bool make_views(std::vector<Subject>& subjects, std::span<const Entry> entries);
+  bool open(std::vector<Subject>& subjects, Store& store);
+  bool make_views(std::vector<Subject>& subjects, std::span<const Entry> entries, Store& store);
   bool learn(const Entry& entry, const std::vector<Subject>& subjects,
              const std::set<std::size_t>& references, Lessons& lessons);
 
@@ -196,6 +199,7 @@ class Evaluation {
                          const Models& models) const;
   void keep(Work& work, bool at_once);
   void add_to_report(Job& job);
+  void note(const std::string& where, const std::string& what);  // a problem, once
 
   // parallel_for that keeps the forecast and shows the progress.
   bool each(Piece piece, const std::string& step, std::size_t count,
@@ -211,7 +215,7 @@ class Evaluation {
   const Protocol& protocol_;
   const Progress& progress_;
   Store results_;
-  Store views_;
+  Keep keep_views_;
   std::vector<Entry> entries_;
   std::vector<std::string> names_;
   int jobs_;
@@ -310,18 +314,19 @@ void Evaluation::keep(Work& work, bool at_once) {
 
 // -- views -------------------------------------------------------------------------------------
 
-bool Evaluation::open(std::vector<Subject>& subjects) {
+bool Evaluation::open(std::vector<Subject>& subjects, Store& store) {
   return each(Piece::shape, "choice of views", subjects.size(),
-              [&](std::size_t s) { subjects[s].open(views_); });
+              [&](std::size_t s) { subjects[s].open(store); });
 }
 
-bool Evaluation::make_views(std::vector<Subject>& subjects, std::span<const Entry> entries) {
+bool Evaluation::make_views(std::vector<Subject>& subjects, std::span<const Entry> entries,
+                            Store& store) {
   std::vector<std::pair<std::size_t, std::size_t>> wanted;
   for (std::size_t s = 0; s < subjects.size(); ++s)
     for (std::size_t v = 0; v < subjects[s].views.size(); ++v) wanted.emplace_back(s, v);
   expect_instead(Piece::view, subjects.size() * view_count(), wanted.size());
   const bool complete = each(Piece::view, "views", wanted.size(), [&](std::size_t i) {
-    subjects[wanted[i].first].make(wanted[i].second, entries, views_);
+    subjects[wanted[i].first].make(wanted[i].second, entries, store);
   });
   for (Subject& subject : subjects) subject.close(entries);
   return complete;
@@ -453,8 +458,7 @@ bool Evaluation::evaluate_work(Work& work, std::vector<Subject>& subjects,
 // -- the whole ---------------------------------------------------------------------------------
 
 // By every configuration that is not complete; those that learn alike share what they learned.
-bool Evaluation::evaluate_round(const Job& job, Round& round) {
-  if (round.complete()) return true;
+bool Evaluation::evaluate_round(const Job& job, Round& round, Store& views) {
   std::vector<Subject> subjects;
   for (std::size_t s = 0; s < job.category.shapes.size(); ++s)
     subjects.emplace_back(job.category.shapes[s], job.fingerprints[s], job.category.name,
@@ -462,7 +466,7 @@ bool Evaluation::evaluate_round(const Job& job, Round& round) {
   std::vector<Entry> wanted;
   for (const Work& work : round.work)
     if (!work.block.complete) wanted.push_back(*work.entry);
-  if (!open(subjects) || !make_views(subjects, wanted)) return false;
+  if (!open(subjects, views) || !make_views(subjects, wanted, views)) return false;
 
   CategoryCounts counts{.name = job.category.name};
   std::set<std::string> names;
@@ -484,6 +488,25 @@ bool Evaluation::evaluate_round(const Job& job, Round& round) {
         work.block.problems.push_back(problem);
     if (!evaluate_work(work, subjects, queries, lessons)) return false;
   }
+  return true;
+}
+
+void Evaluation::note(const std::string& where, const std::string& what) {
+  const Problem problem{where, what};
+  if (std::ranges::find(report_.problems, problem) == report_.problems.end())
+    report_.problems.push_back(problem);
+}
+
+bool Evaluation::evaluate_round(const Job& job, Round& round) {
+  if (round.complete()) return true;
+  std::filesystem::path folder = keep_views_.views;
+  if (!folder.empty() && !keep_views_.views_after)
+    folder /= job.category.name + " seed " + std::to_string(round.seed);
+  Store views(folder);
+  if (!evaluate_round(job, round, views)) return false;
+  if (const std::string failure = views.failure(); !failure.empty()) note(kStoreProblem, failure);
+  std::error_code error;
+  if (!keep_views_.views_after) std::filesystem::remove_all(folder, error);
   return true;
 }
 
@@ -541,9 +564,8 @@ Report Evaluation::run() {
     add_to_report(job);
     if (progress_.category_done) progress_.category_done(report_, status("done"));
   }
-  for (const Store* store : {&results_, &views_})
-    if (const std::string failure = store->failure(); !failure.empty())
-      report_.problems.push_back({"what is kept for a later start", failure});
+  if (const std::string failure = results_.failure(); !failure.empty())
+    note(kStoreProblem, failure);
   if (report_.pairs.empty()) {
     std::string why = protocol_.data.string() + ": nothing could be evaluated";
     for (const Problem& problem : report_.problems)

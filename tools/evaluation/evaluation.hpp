@@ -42,7 +42,8 @@ struct Protocol {
 // Where finished work is kept; an empty folder: nowhere. See Store.
 struct Keep {
   std::filesystem::path results;  // finished pairs: small
-  std::filesystem::path views;    // what depends on a view alone: up to some MB per view
+  std::filesystem::path views;    // what depends on a view alone: some MB per view
+  bool views_after = false;       // keep views when their category is finished
 };
 
 // What a pair's milliseconds are given for, in order. All are the wall time of the one thread that
