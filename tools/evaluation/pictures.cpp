@@ -81,11 +81,11 @@ class Gallery {
     const ViewParts& parts = seen(pair, pair.query, pair.view);
     const Cloud& query = parts.frames.at(entry_.source).value->input;
     const Segments& segments = *parts.segments.at(entry_.segments).value;
-    add_panel(category, category.name + ", reference " + pair.reference, "", reference,
+    add_panel(category, category.name, "reference " + pair.reference, reference,
               true_labels(category, reference));
-    add_panel(category, rank + ": " + pair.query, "true labels", query,
-              true_labels(category, query));
-    add_panel(category, percent(pair.figures.accuracy), "labelled, " + entry_.name, query,
+    add_panel(category, rank + ", " + percent(pair.figures.accuracy),
+              "shape " + pair.query + ", true labels", query, true_labels(category, query));
+    add_panel(category, "", "labelled by " + entry_.name, query,
               given_labels(pair, query, segments));
   }
 
