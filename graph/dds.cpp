@@ -99,7 +99,13 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(udp);
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  discovery.leaseDuration = {2, 0};
+  // A participant that is silent for so long is given up, with what was sent to it. Those of one
+  // process are only silent when the process is (suspended, stopped, starved of CPU), and must not
+  // give each other up when it goes on.
+  if (graph.one_process)
+    discovery.leaseDuration = eprosima::fastrtps::c_TimeInfinite;
+  else
+    discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
   if (graph.dds.discovery == Discovery::peers)
     for (const auto& peer : graph.dds.peers)

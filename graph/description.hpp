@@ -105,6 +105,7 @@ struct GraphDescription {
   // Tells runs of the same graph apart that can hear each other. Set by who starts a run, not by
   // the file; empty: stages started by hand find each other by the graph's name alone.
   std::string instance;
+  bool one_process = false;  // set likewise: all stages of the run live and die together
   Dds dds;
   int window = 4;          // frames in flight, at most
   double deadline = 60.0;  // s; a frame that nobody finished by then fails

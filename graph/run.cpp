@@ -76,7 +76,8 @@ RunReport Watch::report() {
 
 RunReport run_in_process(const GraphDescription& description, const StageTable& table,
                          const RunOptions& options) {
-  const GraphDescription graph = fresh_instance(description);
+  GraphDescription graph = fresh_instance(description);
+  graph.one_process = true;
   const Catalog catalog = catalog_of(table);
   Watch watch(graph, catalog, options);
   const std::vector<std::string> leaves = leaves_of(graph, catalog);

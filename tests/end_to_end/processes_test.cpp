@@ -72,6 +72,20 @@ class Up : public testing::Test {
     return {};
   }
 
+  // Stops the process for longer than a silent participant is waited for.
+  static void pause(pid_t pid) {
+    ::kill(pid, SIGSTOP);
+    std::this_thread::sleep_for(std::chrono::seconds(3));
+    ::kill(pid, SIGCONT);
+  }
+
+  void expect_all_labelled(Program& program) const {
+    const Outcome outcome = program.wait();
+    EXPECT_EQ(outcome.status, 0) << outcome.errors;
+    EXPECT_THAT(outcome.output,
+                HasSubstr("admitted 100 = labelled 100 + consumed 0 + failed 0; dropped 0"));
+  }
+
   static std::vector<pid_t> children(pid_t parent) {
     std::vector<pid_t> result;
     for (const pid_t pid : processes_naming("cosegraph-", parent)) {
@@ -141,6 +155,25 @@ TEST_F(Up, StageThatIsRestartedFinishesTheStream) {
   EXPECT_THAT(outcome.errors, HasSubstr("starting it again"));
   EXPECT_THAT(outcome.output,
               HasSubstr("admitted 100 = labelled 100 + consumed 0 + failed 0; dropped 0"));
+}
+
+// A machine that is suspended, a debugger, a host without CPU to spare.
+TEST_F(Up, NothingIsLostWhenAStagePauses) {
+  Program program(command("stream"));
+  const std::vector<pid_t> pids = wait_until_running(program.pid());
+  for (const pid_t pid : processes_naming("cosegraph-descriptors", program.pid()))
+    if (std::ranges::find(pids, pid) != pids.end()) pause(pid);
+  expect_all_labelled(program);
+}
+
+TEST_F(Up, NothingIsLostWhenARunInOneProcessPauses) {
+  std::vector<std::string> words = command("stream");
+  words[1] = "run";
+  Program program(words);
+  for (int i = 0; i < 300 && !fs::exists(world_.path("out/q0.ply")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  pause(program.pid());
+  expect_all_labelled(program);
 }
 
 TEST_F(Up, StageMayBeAProgramOfItsOwn) {
