@@ -506,7 +506,9 @@ bool Evaluation::evaluate_round(const Job& job, Round& round) {
   if (!evaluate_round(job, round, views)) return false;
   if (const std::string failure = views.failure(); !failure.empty()) note(kStoreProblem, failure);
   std::error_code error;
-  if (!keep_views_.views_after) std::filesystem::remove_all(folder, error);
+  if (keep_views_.views_after || folder.empty()) return true;
+  std::filesystem::remove_all(folder, error);
+  std::filesystem::remove(keep_views_.views, error);  // if nothing else is in it
   return true;
 }
 
