@@ -95,7 +95,8 @@ TEST_F(WholeRun, AccuracyLiesBetweenZeroAndTheOracleAndAboveTheFloorInTheMean) {
     EXPECT_FALSE(pair.segment_label.empty());
     EXPECT_TRUE(pair.proven_optimal);
   }
-  for (const Row& row : tables_of(*report_)[0].categories) {
+  const Table table = tables_of(*report_)[0];
+  for (const Row& row : table.categories) {
     EXPECT_GT(row.accuracy.mean, row.majority_floor) << row.name;
     EXPECT_GT(row.accuracy.mean, 0.8) << row.name;
   }
