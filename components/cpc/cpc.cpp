@@ -9,8 +9,8 @@
 #include <cmath>
 #include <map>
 
-#include "core/quiet_pcl.hpp"
 #include "cpc/boundary.hpp"
+#include "pcl_console/pcl_console.hpp"
 
 namespace cosegraph::cpc {
 namespace {

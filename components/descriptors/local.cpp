@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/quiet_pcl.hpp"
+#include "pcl_console/pcl_console.hpp"
 
 namespace cosegraph::descriptors {
 namespace {

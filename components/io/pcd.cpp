@@ -1,7 +1,6 @@
 #include "io/pcd.hpp"
 
 #include <pcl/PCLPointCloud2.h>
-#include <pcl/console/print.h>
 #include <pcl/io/pcd_io.h>
 
 #include <algorithm>
@@ -10,7 +9,6 @@
 #include <functional>
 #include <limits>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <sstream>
 #include <string_view>
@@ -20,6 +18,7 @@
 #include "io/columns.hpp"
 #include "io/labels.hpp"
 #include "io/text.hpp"
+#include "pcl_console/pcl_console.hpp"
 
 namespace cosegraph::io::pcd {
 namespace {
@@ -182,32 +181,13 @@ void check_body(const Path& file, const Header& header, std::string_view body) {
   }
 }
 
-// Keeps PCL from printing; its level is one for the whole process, hence the lock.
-class QuietPcl {
- public:
-  QuietPcl() : lock_(mutex()), level_(pcl::console::getVerbosityLevel()) {
-    pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
-  }
-  ~QuietPcl() { pcl::console::setVerbosityLevel(level_); }
-  QuietPcl(const QuietPcl&) = delete;
-  QuietPcl& operator=(const QuietPcl&) = delete;
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  std::scoped_lock<std::mutex> lock_;
-  pcl::console::VERBOSITY_LEVEL level_;
-};
-
 struct Decoded {
   pcl::PCLPointCloud2 cloud;
   Eigen::Vector4f origin;
 };
 
 Decoded decode_with_pcl(const Path& file, const Header& header, const std::string& bytes) {
-  const QuietPcl quiet;
+  silence_pcl();
   Decoded result;
   Eigen::Quaternionf orientation;
   int version = 0;

@@ -16,6 +16,7 @@
 #include <ranges>
 
 #include "core/nearest.hpp"
+#include "pcl_console/pcl_console.hpp"
 #include "source/grid.hpp"
 
 namespace cosegraph::source {
@@ -136,6 +137,7 @@ std::vector<float> picked_points(const std::vector<float>& xyz, const Cells& cel
 // The plane with most points: RANSAC with PCL's fixed seed, then least squares over the inliers.
 std::optional<Plane> dominant_plane(const std::vector<float>& xyz, double tolerance) {
   if (!(tolerance > 0.0) || xyz.size() < 9) return std::nullopt;
+  silence_pcl();
   const auto cloud = to_pcl(xyz);
   pcl::SampleConsensusModelPlane<pcl::PointXYZ>::Ptr model(
       new pcl::SampleConsensusModelPlane<pcl::PointXYZ>(cloud));

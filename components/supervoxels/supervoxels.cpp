@@ -10,7 +10,7 @@
 #include <map>
 
 #include "core/nearest.hpp"
-#include "core/quiet_pcl.hpp"
+#include "pcl_console/pcl_console.hpp"
 #include "supervoxels/pieces.hpp"
 
 namespace cosegraph::supervoxels {
