@@ -29,9 +29,15 @@ bool Watch::over() const {
   return source != stages.end() && source->second.status.state == State::finished;
 }
 
-// All stages that take frames have worked the stream off, so that their figures are final.
+// All stages that take frames have worked the stream off, so that their figures are final, and what
+// is known to have failed has been told: participants are discovered in any order.
 bool Watch::settled() const {
   const auto stages = observer_.stages();
+  const auto source = stages.find(source_);
+  if (source == stages.end() || (source->second.status.state != State::finished &&
+                                 source->second.status.state != State::failed))
+    return false;
+  if (source->second.status.account.failed > 0 && observer_.failures().empty()) return false;
   return std::ranges::all_of(streaming_, [&](const std::string& name) {
     const auto seen = stages.find(name);
     return seen != stages.end() && (seen->second.status.state == State::finished ||
