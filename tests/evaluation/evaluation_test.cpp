@@ -279,6 +279,25 @@ TEST(Evaluation, AChangedShapeIsDoneAgain) {
   EXPECT_EQ(text_of(evaluate(protocol, {}, keep)), text_of(evaluate(protocol)));
 }
 
+TEST(Evaluation, WhatWasKeptWithoutFlawedShapesIsNotTakenForARunWithThem) {
+  const TemporaryFolder folder;
+  const TemporaryFolder kept;
+  const Keep keep{.results = kept / "results", .views = kept / "views"};
+  const auto category = folder.path() / "Lollipop";
+  test::write_shape(category, "1", test::lollipop(0.5));
+  test::write_shape(category, "2", test::lollipop(0.6));
+  Mesh open = test::lollipop(0.55);
+  open.face.erase(open.face.begin() + 3 * 800, open.face.begin() + 3 * 801);
+  open.face_label.pop_back();
+  test::write_shape(category, "3", open);
+  Protocol protocol = quick_protocol(folder.path());
+  EXPECT_EQ(evaluate(protocol, {}, keep).pairs.size(), 4U);
+  protocol.flawed = true;
+  EXPECT_EQ(evaluate(protocol, {}, keep).pairs.size(), 12U);
+  protocol.flawed = false;
+  EXPECT_EQ(evaluate(protocol, {}, keep).pairs.size(), 4U);
+}
+
 TEST(Evaluation, AFolderThatCannotBeWrittenIsReportedOnceAndTheRunGoesOn) {
   const TemporaryFolder folder;
   test::write_benchmark(folder.path());

@@ -276,7 +276,8 @@ Work Evaluation::work_of(const Job& job, std::uint64_t seed, std::size_t configu
   camera::Params camera = protocol_.camera;
   std::string key = "pairs of " + job.category.name + '\n' + entries_[configuration].all + '\n' +
                     recipe(camera::describe(camera)) + '\n';
-  for (const auto& number : {seed, static_cast<std::uint64_t>(protocol_.query_views),
+  for (const auto& number : {seed, static_cast<std::uint64_t>(protocol_.flawed),
+                             static_cast<std::uint64_t>(protocol_.query_views),
                              static_cast<std::uint64_t>(protocol_.train_views)})
     key += std::to_string(number) + '\n';
   for (std::size_t s = 0; s < job.category.shapes.size(); ++s)
