@@ -153,11 +153,10 @@ void add_pair(const Target& target, const Teacher& teacher, const std::vector<st
   pair.oracle = bounds->oracle;
   pair.expansions = labelling.expansions;
   pair.proven_optimal = labelling.proven_optimal;
-  for (const std::int32_t l : labelling.segment_label) {
-    const auto& name = labelling.label_names.at(static_cast<std::size_t>(l));
+  const auto place = positions(labelling.label_names, names);
+  for (const std::int32_t label : labelling.segment_label)
     pair.segment_label.push_back(
-        static_cast<std::int16_t>(std::ranges::find(names, name) - names.begin()));
-  }
+        static_cast<std::int16_t>(place.at(static_cast<std::size_t>(label))));
   add_to(result.confusion, comparison, names.size());
   result.pairs.push_back(std::move(pair));
 }

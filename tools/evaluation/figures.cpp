@@ -5,9 +5,7 @@
 #include "metrics/metrics.hpp"
 
 namespace cosegraph::evaluation {
-namespace {
 
-// Position of each of `some` in `names`.
 std::vector<std::int32_t> positions(const std::vector<std::string>& some,
                                     const std::vector<std::string>& names) {
   std::vector<std::int32_t> result;
@@ -18,8 +16,6 @@ std::vector<std::int32_t> positions(const std::vector<std::string>& some,
   }
   return result;
 }
-
-}  // namespace
 
 Comparison compare(const Cloud& input, const Labelling& labelling,
                    const std::vector<std::string>& names) {

@@ -22,6 +22,10 @@ struct Figures {
   double hamming() const { return 0.5 * (missing + false_alarm); }
 };
 
+// Position of each of `some` in `names`. Throws InputError for one that is not there.
+std::vector<std::int32_t> positions(const std::vector<std::string>& some,
+                                    const std::vector<std::string>& names);
+
 // True and given labels of the points that count, as indices into `names`.
 struct Comparison {
   std::vector<std::int32_t> truth;

@@ -113,16 +113,10 @@ class Gallery {
   }
 
   static std::vector<std::int32_t> true_labels(const CategoryCounts& category, const Cloud& cloud) {
+    const auto place = positions(cloud.label_names, category.label_names);
     std::vector<std::int32_t> group;
-    for (const std::int32_t label : cloud.label) {
-      if (label == kNoLabel) {
-        group.push_back(kNoLabel);
-        continue;
-      }
-      const auto& name = cloud.label_names[static_cast<std::size_t>(label)];
-      const auto at = std::ranges::find(category.label_names, name);
-      group.push_back(static_cast<std::int32_t>(at - category.label_names.begin()));
-    }
+    for (const std::int32_t label : cloud.label)
+      group.push_back(label == kNoLabel ? kNoLabel : place[static_cast<std::size_t>(label)]);
     return group;
   }
 
