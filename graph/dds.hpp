@@ -21,6 +21,7 @@ namespace cosegraph::graph {
 struct EndpointQos {
   int depth = 1;              // samples kept for late or slow readers
   bool keep_for_late = true;  // a reader that comes later gets the newest `depth` samples
+  bool reliable = true;       // of readers: what was lost on the way is asked for again
 };
 
 class Writer {
