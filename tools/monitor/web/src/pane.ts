@@ -186,6 +186,7 @@ export class Pane {
     replace(this.legend, ...(points === 0 ? [] : view!.legends.map(renderLegend)));
     replace(this.facts, ...(view?.facts ?? []).map((fact) => h("span", {}, fact)));
     if (this.point !== null && this.point >= points) this.point = null;
+    this.clearSide();
     if (view !== null) this.say("");
     else if (own === undefined) this.say("Choose a topic: click an edge or an output of the graph.");
     else if (message === null) this.say(this.missing(own, frame));
@@ -212,8 +213,14 @@ export class Pane {
     if (this.view !== null) this.renderSide(told?.chart);
   }
 
-  private renderSide(extra: View["charts"][number] | undefined): void {
+  private clearSide(): void {
     for (const chart of this.side.querySelectorAll(".chart")) (chart as any).dispose?.();
+    this.side.replaceChildren();
+    this.side.hidden = true;
+  }
+
+  private renderSide(extra: View["charts"][number] | undefined): void {
+    this.clearSide();
     const view = this.view!;
     const charts = extra === undefined ? view.charts : [extra, ...view.charts.slice(1)];
     this.side.hidden = false;

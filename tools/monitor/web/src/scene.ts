@@ -166,11 +166,14 @@ export class Scene {
     if (!this.dirty) return;
     this.dirty = false;
     const distance = this.camera.position.distanceTo(this.controls.target);
+    // The narrower side has the angle, so that what fits into a wide pane fits into a tall one.
+    const half = Math.tan((kFov * Math.PI) / 360) / Math.min(1, this.camera.aspect);
+    this.camera.fov = (360 / Math.PI) * Math.atan(half);
     this.camera.near = distance / 200;
     this.camera.far = 20 * distance + 20 * this.radius;
     this.camera.updateProjectionMatrix();
     const height = this.renderer.domElement.height;
-    const focal = height / (2 * Math.tan((kFov * Math.PI) / 360));
+    const focal = height / (2 * half);
     this.material.uniforms.size.value = this.sizeFactor * this.spacing * focal;
     this.material.uniforms.middle.value = distance;
     this.material.uniforms.radius.value = this.radius || 1;

@@ -184,7 +184,7 @@ const pairKey = (a: number, b: number) => (a < b ? `${a},${b}` : `${b},${a}`);
 function segmentsView(message: any, context: Context): View {
   const cloud = cloudOf(context, message.of_point.length);
   const supervoxels = context.find("Supervoxels")[0] ?? null;
-  const by = choice("segments", "colour by", ["segment and concavity", "segment"]);
+  const by = choice("segments", "colour by", ["concavity", "segment"]);
   const view: View = { ...empty(), choices: [by] };
   view.facts = [`${count(message.count)} segments`,
     `${count(message.concavity.length)} neighbouring pairs`];
