@@ -66,12 +66,12 @@ class Clients : public testing::Test {
   void start_graph() {
     ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runs").c_str(), 1);
     fs::create_directories(world_.path("stream"));
-    for (int i = 0; i < 600; ++i)
+    for (int i = 0; i < 2000; ++i)
       fs::create_hard_link(world_.path("queries/query-view" + std::to_string(i % 2) + ".ply"),
                            world_.path("stream/frame" + std::to_string(i) + ".ply"));
     run_ = std::make_unique<test::Program>(std::vector<std::string>{
         "cosegraph", "segment", "--model", world_.path("model.coseg"), world_.path("stream"), "-o",
-        world_.path("out"), "--param", "source.rate=3"});
+        world_.path("out"), "--param", "source.rate=1"});
   }
 
   // Its address, as "127.0.0.1:PORT".

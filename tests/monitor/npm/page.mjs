@@ -11,7 +11,7 @@ const browser = await chromium.launch({
     "--disable-background-networking", "--disable-component-update", "--use-gl=angle",
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
 });
-const page = await browser.newPage({ viewport: { width: 1200, height: 760 }, colorScheme: theme });
+const page = await browser.newPage({ viewport: { width: 1000, height: 640 }, colorScheme: theme });
 page.setDefaultTimeout(kPatience);
 const seen = { errors: [], topics: {} };
 page.on("pageerror", (error) => seen.errors.push(error.message));
@@ -24,12 +24,13 @@ await page.goto(url);
 const tool = await browser.newPage();
 await page.bringToFront();
 
-// The share of the canvas that is not background.
-async function drawn(pane) {
-  const png = await pane.locator(".canvas").screenshot();
-  return tool.evaluate(async (base64) => {
+// The share of the canvas, a part of a picture of the page, that is not background.
+async function drawn(pane, png) {
+  const { x, y, width, height } = await pane.locator(".canvas").boundingBox();
+  const box = [x, y, width, height].map(Math.floor);
+  return tool.evaluate(async ([base64, part]) => {
     const picture = await (await fetch(`data:image/png;base64,${base64}`)).blob();
-    const bitmap = await createImageBitmap(picture);
+    const bitmap = await createImageBitmap(picture, ...part);
     const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
     const context = canvas.getContext("2d");
     context.drawImage(bitmap, 0, 0);
@@ -39,7 +40,7 @@ async function drawn(pane) {
     for (let i = 0; i < data.length; i += 4)
       if ([0, 1, 2].some((c) => Math.abs(data[i + c] - corner[c]) > 24)) ++different;
     return different / (bitmap.width * bitmap.height);
-  }, png.toString("base64"));
+  }, [png.toString("base64"), box]);
 }
 
 for (const topic of topics) {
@@ -51,15 +52,17 @@ for (const topic of topics) {
     const active = document.querySelector(".pane.active");
     return active.dataset.type === wanted && Number(active.dataset.points) > 0;
   }, type.split(" · ")[1]);
+  // A labelling comes after its frame's spectrum, and with it the distances of parts.
+  if (topic.endsWith("/spectrum")) await pane.locator(".caption").waitFor();
+  const png = await page.screenshot({ path: `${folder}/${topic.replaceAll("/", "-")}-${theme}.png` });
   seen.topics[topic] = {
     points: Number(await pane.getAttribute("data-points")),
     facts: await pane.locator(".facts span").allTextContents(),
     legend: await pane.locator(".legend").innerText(),
     charts: await pane.locator(".chart").count(),
     rows: await pane.locator(".table tbody tr").count(),
-    drawn: await drawn(pane),
+    drawn: await drawn(pane, png),
   };
-  await page.screenshot({ path: `${folder}/${topic.replaceAll("/", "-")}-${theme}.png` });
 }
 seen.theme = await page.evaluate(() => document.documentElement.dataset.theme);
 seen.pill = await page.locator(".pill").textContent();

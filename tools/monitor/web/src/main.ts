@@ -267,9 +267,12 @@ class Page {
     const all = this.frames.all;
     if (this.current !== null && !all.includes(this.current)) this.current = all[0] ?? null;
     if (!this.live && this.current !== null) return;
-    const complete = (frame: Frame) => this.panes.every((pane) => pane.isComplete(frame));
-    const found = this.live ? all.findLast(complete) : all.find(complete);
-    this.current = found ?? this.current ?? all.at(-1) ?? null;
+    const find = (withLater: boolean) => {
+      const complete = (frame: Frame) =>
+        this.panes.every((pane) => pane.isComplete(frame, withLater));
+      return this.live ? all.findLast(complete) : all.find(complete);
+    };
+    this.current = find(true) ?? find(false) ?? this.current ?? all.at(-1) ?? null;
   }
 
   // -- drawing -----------------------------------------------------------------------------------

@@ -77,15 +77,17 @@ export class Pane {
     const own = this.around.topics().find((topic) => topic.name === this.topic);
     if (own === undefined) return [];
     const before = this.before(own);
-    const later = this.around.topics().filter((topic) => needsLater(own.type).includes(topic.type));
-    return [own.name, ...before, ...later.map((topic) => topic.name)];
+    return [own.name, ...before, ...this.later(own).map((topic) => topic.name)];
   }
 
-  // Whether the frame has all that this pane shows of it.
-  isComplete(frame: Frame): boolean {
+  // Whether the frame has all that this pane shows of it, with what other branches of the graph say
+  // of it or without.
+  isComplete(frame: Frame, withLater: boolean): boolean {
     const own = this.around.topics().find((topic) => topic.name === this.topic);
     if (own === undefined || own.latched) return true;
-    return frame.has(own.name) && this.before(own).every((topic) => frame.has(topic));
+    return frame.has(own.name) && this.before(own).every((topic) => frame.has(topic)) &&
+      (!withLater ||
+        this.later(own).every((topic) => topic.latched || frame.has(topic.name)));
   }
 
   cycle(direction: number, last: boolean): void {
@@ -116,6 +118,11 @@ export class Pane {
 
   fit(): void {
     this.scene.fit(this.view?.origin ?? [0, 0, 0]);
+  }
+
+  private later(own: Topic): Topic[] {
+    const types = needsLater(own.type);
+    return this.around.topics().filter((topic) => types.includes(topic.type));
   }
 
   private before(own: Topic): string[] {
@@ -223,6 +230,7 @@ export class Pane {
     this.clearSide();
     const view = this.view!;
     const charts = extra === undefined ? view.charts : [extra, ...view.charts.slice(1)];
+    if (charts.length === 0 && view.table === undefined && view.xyz !== null) return;
     this.side.hidden = false;
     const columns = charts.length > 1 ? Math.max(1, Math.floor(this.side.clientWidth / 180)) : 1;
     const width = Math.min(420, Math.floor((this.side.clientWidth - 16) / columns) - 6);

@@ -345,24 +345,31 @@ function scoresView(message: any, context: Context): View {
   return view;
 }
 
+// Labels that are places in `from` as places in `to`; -1: not there.
+function renumbered(labels: ArrayLike<number>, from: string[], to: string[]): Int32Array {
+  const place = from.map((name) => to.indexOf(name));
+  const result = new Int32Array(labels.length);
+  for (let i = 0; i < labels.length; ++i) result[i] = labels[i] < 0 ? -1 : place[labels[i]];
+  return result;
+}
+
 function labellingView(message: any, context: Context): View {
   const names: string[] = message.label_names;
   const labels = message.point_label as Int32Array;
   const confidence = message.point_confidence as ArrayLike<number>;
   const cloud = cloudOf(context, labels.length);
   const truth = cloud === null || cloud.label.length === 0 ? null
-    : Int32Array.from(cloud.label as Int32Array, (l) => names.indexOf(cloud.label_names[l]));
+    : renumbered(cloud.label, cloud.label_names, names);
   const by = choice("labelling", "colour by",
     truth === null ? ["label", "confidence"] : ["label", "confidence", "true label", "errors"]);
   const view: View = { ...empty(), choices: [by] };
   view.facts = [`${count(labels.length)} points`];
   if (truth !== null) {
     let [right, known] = [0, 0];
-    truth.forEach((label, i) => {
-      if (label < 0) return;
-      ++known;
-      if (label === labels[i]) ++right;
-    });
+    for (let i = 0; i < truth.length; ++i) {
+      if (truth[i] >= 0) ++known;
+      if (truth[i] >= 0 && truth[i] === labels[i]) ++right;
+    }
     if (known > 0) view.facts.push(`accuracy ${share(right, known)} (per dense point)`);
   }
   if (message.segment_label.length > 0)
