@@ -28,11 +28,15 @@ class Writer {
   virtual ~Writer() = default;
   // Throws Error if DDS refuses the sample.
   virtual void write(const idl::Bytes& bytes) = 0;
+  // How many readers it has found.
+  virtual int matched() const = 0;
 };
 
 class Reader {
  public:
   virtual ~Reader() = default;
+  // How many writers it has found.
+  virtual int matched() const = 0;
 };
 
 // Within one process messages are handed over directly, else they go by UDP.

@@ -1,6 +1,6 @@
 #include "graph/observer.hpp"
 
-#include "graph/runtime.hpp"
+#include "graph/control.hpp"
 
 namespace cosegraph::graph {
 
