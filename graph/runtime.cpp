@@ -108,7 +108,7 @@ class StageRunner::Impl final : public StageHost {
     status_.pid = static_cast<std::uint32_t>(::getpid());
     status_.replica = options.replica;
     status_.candidate = options.standby;
-    open_journal();
+    if (!standby_) open_journal();
     open_writers();
     stage_->start();
     status_.recipe = stage_->recipe();
@@ -365,6 +365,7 @@ class StageRunner::Impl final : public StageHost {
       if (source_ == nullptr) join_.activate(handover_.next);
       status_.candidate = false;
       held.swap(held_);
+      open_journal();  // which was its predecessor's until now
     }
     for (const auto& [port, bytes] : held) write(port, bytes);
     return true;
@@ -386,16 +387,15 @@ class StageRunner::Impl final : public StageHost {
   void open_journal() {
     if (options_.journal.empty()) return;
     journal_ = std::make_unique<Journal>(options_.journal);
-    const auto left =
-        options_.generation > 0 && !options_.standby ? journal_->load() : std::nullopt;
-    if (left) {
+    const bool follows_the_dead = options_.generation > 0 && !options_.standby;
+    if (const auto left = journal_->load(); follows_the_dead && left) {
       predecessor_ = *left;
       if (left->working) predecessor_.deaths = left->deaths + 1;
       record_.taken = left->taken;
       record_.account = left->account;
     }
     record_.generation = options_.generation;
-    if (!options_.standby) journal_->store(record_);
+    journal_->store(record_);
   }
 
   bool is_fatal(const FrameHeader& header) const {
