@@ -12,7 +12,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <thread>
+#include <fstream>
 
 #include "graph/control.hpp"
 #include "graph/journal.hpp"
@@ -60,18 +60,11 @@ bool is_below(const fs::path& file, const fs::path& folder) {
   return !relative.empty() && *relative.begin() != "..";
 }
 
+// Empty if the process has just ended or is another user's.
 std::vector<std::string> command_line(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/cmdline", std::ios::binary);
   std::vector<std::string> words;
-  try {
-    const std::string text = io::read_file("/proc/" + std::to_string(pid) + "/cmdline");
-    for (std::size_t at = 0; at < text.size();) {
-      const std::size_t end = std::min(text.find('\0', at), text.size());
-      words.push_back(text.substr(at, end - at));
-      at = end + 1;
-    }
-  } catch (const Error&) {
-    // It has just ended, or is another user's.
-  }
+  for (std::string word; std::getline(file, word, '\0');) words.push_back(word);
   return words;
 }
 

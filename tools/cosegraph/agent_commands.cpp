@@ -379,7 +379,7 @@ void add_agent_commands(CLI::App& app, const Choose& choose) {
   auto* ps = app.add_subcommand("ps", "Shows the processes of a running graph on all hosts");
   auto target = std::make_shared<Target>();
   auto edges = std::make_shared<bool>(false);
-  ps->add_option("graph", target->graph, "graph file, or name of a running graph");
+  ps->add_option("graph,-g,--graph", target->graph, "graph file, or name of a running graph");
   ps->add_option("--instance", target->instance, "which of several runs of it");
   ps->add_flag("--edges", *edges, "how messages get from stage to stage");
   ps->add_flag("--json", target->json, "as JSON");
@@ -428,7 +428,7 @@ void add_agent_commands(CLI::App& app, const Choose& choose) {
 
   auto* down = app.add_subcommand("down", "Stops all of a graph on all hosts");
   auto of_down = std::make_shared<Target>();
-  down->add_option("graph", of_down->graph, "graph file, or name of a running graph");
+  down->add_option("graph,-g,--graph", of_down->graph, "graph file, or name of a running graph");
   down->add_option("--instance", of_down->instance, "which of several runs of it");
   down->footer("Example:\n  cosegraph down segment.yaml");
   down->callback([=] { choose([=] { return take_down(*of_down); }); });
