@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "graph/run.hpp"
+#include "graph/runs.hpp"
 #include "graph/watch.hpp"
 #include "io/file.hpp"
 
@@ -176,6 +177,7 @@ class Processes {
 RunReport run_processes(const GraphDescription& description, const Catalog& catalog,
                         const RunOptions& options, const LaunchOptions& launch) {
   const GraphDescription graph = fresh_instance(description);
+  const RunFolder folder(graph, "");
   Processes processes(graph, catalog, launch);
   Watch watch(graph, catalog, options);
   std::string error;

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
-#include <random>
 
+#include "graph/runs.hpp"
 #include "graph/runtime.hpp"
 #include "graph/watch.hpp"
 
@@ -12,14 +11,6 @@ namespace cosegraph::graph {
 
 using namespace std::chrono_literals;
 using idl::State;
-
-GraphDescription fresh_instance(GraphDescription graph) {
-  std::random_device entropy;
-  char text[17];
-  std::snprintf(text, sizeof text, "%08x%08x", entropy(), entropy());
-  graph.instance = text;
-  return graph;
-}
 
 bool Watch::over() const {
   const auto stages = observer_.stages();
@@ -84,6 +75,7 @@ RunReport run_in_process(const GraphDescription& description, const StageTable& 
                          const RunOptions& options) {
   GraphDescription graph = fresh_instance(description);
   graph.one_process = true;
+  const RunFolder folder(graph, "");
   const Catalog catalog = catalog_of(table);
   Watch watch(graph, catalog, options);
   const std::vector<std::string> leaves = leaves_of(graph, catalog);

@@ -10,9 +10,6 @@
 
 namespace cosegraph::graph {
 
-// The graph with an instance name of its own, so that concurrent runs do not meet.
-GraphDescription fresh_instance(GraphDescription graph);
-
 class Watch {
  public:
   Watch(const GraphDescription& graph, const Catalog& catalog, const RunOptions& options);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "coseg_cloud.h"
+#include "coseg_control.h"
 #include "coseg_descriptors.h"
 #include "coseg_frame.h"
 #include "coseg_labels.h"
@@ -29,8 +30,25 @@ template <>
 cosegraph::Names<cosegraph::idl::State> cosegraph::names<cosegraph::idl::State>() {
   using enum idl::State;
   static constexpr std::pair<idl::State, std::string_view> kTable[] = {
-      {starting, "starting"}, {waiting, "waiting"}, {working, "working"},
-      {finished, "finished"}, {failed, "failed"},   {stopped, "stopped"}};
+      {starting, "starting"},     {standby, "standby"}, {waiting, "waiting"},
+      {working, "working"},       {drained, "drained"}, {finished, "finished"},
+      {restarting, "restarting"}, {failed, "failed"},   {stopped, "stopped"}};
+  return kTable;
+}
+
+template <>
+cosegraph::Names<cosegraph::idl::ReplyState> cosegraph::names<cosegraph::idl::ReplyState>() {
+  using enum idl::ReplyState;
+  static constexpr std::pair<idl::ReplyState, std::string_view> kTable[] = {
+      {accepted, "accepted"}, {progress, "progress"}, {done, "done"}, {refused, "refused"}};
+  return kTable;
+}
+
+template <>
+cosegraph::Names<cosegraph::idl::ProcessState> cosegraph::names<cosegraph::idl::ProcessState>() {
+  using enum idl::ProcessState;
+  static constexpr std::pair<idl::ProcessState, std::string_view> kTable[] = {
+      {running, "running"}, {restarting, "restarting"}, {stopped, "stopped"}, {failed, "failed"}};
   return kTable;
 }
 
@@ -540,19 +558,24 @@ FrameDone take(msg::FrameDone& message) {
 template <>
 struct MessageOf<StageStatus> {
   using Type = msg::StageStatus;
-  static constexpr std::string_view kLayout = "ss4ss88888888888888";
+  static constexpr std::string_view kLayout = "ss44sss888888888888888888[ss188]";
 };
 
 void fill(msg::StageStatus& message, const StageStatus& value) {
   message.kind(value.kind);
   message.host(value.host);
   message.pid(value.pid);
+  message.replica(value.replica);
   message.state(std::string(to_name(value.state)));
   message.activity(value.activity);
+  message.recipe(value.recipe);
   message.progress(value.progress);
   message.frames_in(value.frames_in);
   message.frames_out(value.frames_out);
   message.frames_failed(value.frames_failed);
+  message.repeated(value.repeated);
+  message.queue(value.queue);
+  message.next(value.next);
   message.latency_median(value.latency_median);
   message.latency_p99(value.latency_p99);
   message.latency_sum(value.latency_sum);
@@ -563,28 +586,151 @@ void fill(msg::StageStatus& message, const StageStatus& value) {
   message.consumed(value.account.consumed);
   message.failed(value.account.failed);
   message.dropped(value.account.dropped);
+  message.settled(value.settled);
+  for (const auto& port : value.ports) {
+    msg::PortTraffic& out = message.ports().emplace_back();
+    out.name(port.name);
+    out.topic(port.topic);
+    out.output(port.output);
+    out.messages(port.messages);
+    out.bytes(port.bytes);
+  }
 }
 
 StageStatus take(msg::StageStatus& message) {
-  return {.kind = std::move(message.kind()),
+  StageStatus value{.kind = std::move(message.kind()),
+                    .host = std::move(message.host()),
+                    .pid = message.pid(),
+                    .replica = message.replica(),
+                    .state = from_name<State>(message.state()),
+                    .activity = std::move(message.activity()),
+                    .recipe = std::move(message.recipe()),
+                    .progress = message.progress(),
+                    .frames_in = message.frames_in(),
+                    .frames_out = message.frames_out(),
+                    .frames_failed = message.frames_failed(),
+                    .repeated = message.repeated(),
+                    .queue = message.queue(),
+                    .next = message.next(),
+                    .latency_median = message.latency_median(),
+                    .latency_p99 = message.latency_p99(),
+                    .latency_sum = message.latency_sum(),
+                    .cpu_seconds = message.cpu_seconds(),
+                    .memory = message.memory(),
+                    .account = {.admitted = message.admitted(),
+                                .labelled = message.labelled(),
+                                .consumed = message.consumed(),
+                                .failed = message.failed(),
+                                .dropped = message.dropped()},
+                    .settled = message.settled()};
+  for (auto& port : message.ports())
+    value.ports.push_back({.name = std::move(port.name()),
+                           .topic = std::move(port.topic()),
+                           .output = port.output(),
+                           .messages = port.messages(),
+                           .bytes = port.bytes()});
+  return value;
+}
+
+template <>
+struct MessageOf<Command> {
+  using Type = msg::Command;
+  static constexpr std::string_view kLayout = "8ss4sS";
+};
+
+void fill(msg::Command& message, const Command& value) {
+  message.id(value.id);
+  message.host(value.host);
+  message.stage(value.stage);
+  message.generation(value.generation);
+  message.verb(value.verb);
+  message.words(value.words);
+}
+
+Command take(msg::Command& message) {
+  return {.id = message.id(),
           .host = std::move(message.host()),
-          .pid = message.pid(),
-          .state = from_name<State>(message.state()),
-          .activity = std::move(message.activity()),
-          .progress = message.progress(),
-          .frames_in = message.frames_in(),
-          .frames_out = message.frames_out(),
-          .frames_failed = message.frames_failed(),
-          .latency_median = message.latency_median(),
-          .latency_p99 = message.latency_p99(),
-          .latency_sum = message.latency_sum(),
-          .cpu_seconds = message.cpu_seconds(),
-          .memory = message.memory(),
-          .account = {.admitted = message.admitted(),
-                      .labelled = message.labelled(),
-                      .consumed = message.consumed(),
-                      .failed = message.failed(),
-                      .dropped = message.dropped()}};
+          .stage = std::move(message.stage()),
+          .generation = message.generation(),
+          .verb = std::move(message.verb()),
+          .words = std::move(message.words())};
+}
+
+template <>
+struct MessageOf<Reply> {
+  using Type = msg::Reply;
+  static constexpr std::string_view kLayout = "8sss";
+};
+
+void fill(msg::Reply& message, const Reply& value) {
+  message.id(value.id);
+  message.host(value.host);
+  message.state(std::string(to_name(value.state)));
+  message.text(value.text);
+}
+
+Reply take(msg::Reply& message) {
+  return {.id = message.id(),
+          .host = std::move(message.host()),
+          .state = from_name<ReplyState>(message.state()),
+          .text = std::move(message.text())};
+}
+
+template <>
+struct MessageOf<AgentStatus> {
+  using Type = msg::AgentStatus;
+  static constexpr std::string_view kLayout = "ss4[s444s4s]";
+};
+
+void fill(msg::AgentStatus& message, const AgentStatus& value) {
+  message.host(value.host);
+  message.address(value.address);
+  message.pid(value.pid);
+  for (const auto& process : value.processes) {
+    msg::AgentProcess& out = message.processes().emplace_back();
+    out.stage(process.stage);
+    out.replica(process.replica);
+    out.generation(process.generation);
+    out.pid(process.pid);
+    out.state(std::string(to_name(process.state)));
+    out.restarts(process.restarts);
+    out.text(process.text);
+  }
+}
+
+AgentStatus take(msg::AgentStatus& message) {
+  AgentStatus value{.host = std::move(message.host()),
+                    .address = std::move(message.address()),
+                    .pid = message.pid()};
+  for (auto& process : message.processes())
+    value.processes.push_back({.stage = std::move(process.stage()),
+                               .replica = process.replica(),
+                               .generation = process.generation(),
+                               .pid = process.pid(),
+                               .state = from_name<ProcessState>(process.state()),
+                               .restarts = process.restarts(),
+                               .text = std::move(process.text())});
+  return value;
+}
+
+template <>
+struct MessageOf<LogLines> {
+  using Type = msg::LogLines;
+  static constexpr std::string_view kLayout = "ss4S";
+};
+
+void fill(msg::LogLines& message, const LogLines& value) {
+  message.host(value.host);
+  message.stage(value.stage);
+  message.replica(value.replica);
+  message.lines(value.lines);
+}
+
+LogLines take(msg::LogLines& message) {
+  return {.host = std::move(message.host()),
+          .stage = std::move(message.stage()),
+          .replica = message.replica(),
+          .lines = std::move(message.lines())};
 }
 
 // -- CDR -----------------------------------------------------------------------------------------
@@ -675,14 +821,18 @@ COSEGRAPH_TRAVELS(StreamEnd)
 COSEGRAPH_TRAVELS(FrameFailure)
 COSEGRAPH_TRAVELS(FrameDone)
 COSEGRAPH_TRAVELS(StageStatus)
+COSEGRAPH_TRAVELS(Command)
+COSEGRAPH_TRAVELS(Reply)
+COSEGRAPH_TRAVELS(AgentStatus)
+COSEGRAPH_TRAVELS(LogLines)
 
 #undef COSEGRAPH_TRAVELS
 
 std::span<const std::string_view> type_names() {
   static constexpr std::string_view kNames[] = {
-      "Cloud",     "Supervoxels",  "Segments",  "Descriptors",     "Encodings",
-      "Scores",    "Spectrum",     "Labelling", "AppearanceModel", "RelationModel",
-      "StreamEnd", "FrameFailure", "FrameDone", "StageStatus"};
+      "Cloud",     "Supervoxels", "Segments",        "Descriptors",   "Encodings",   "Scores",
+      "Spectrum",  "Labelling",   "AppearanceModel", "RelationModel", "StreamEnd",   "FrameFailure",
+      "FrameDone", "StageStatus", "Command",         "Reply",         "AgentStatus", "LogLines"};
   return kNames;
 }
 

@@ -47,7 +47,19 @@ struct FrameDone {
   std::string reason;
 };
 
-enum class State { starting, waiting, working, finished, failed, stopped };
+// standby: started beside the one it is to replace, takes nothing from its inputs yet. drained: has
+// given its place up and works on nothing. restarting: its process died and will be started again.
+enum class State {
+  starting,
+  standby,
+  waiting,
+  working,
+  drained,
+  finished,
+  restarting,
+  failed,
+  stopped
+};
 
 struct Account {
   std::uint64_t admitted = 0;
@@ -57,22 +69,84 @@ struct Account {
   std::uint64_t dropped = 0;
 };
 
+// Of one port since the stage's process began.
+struct PortTraffic {
+  std::string name;
+  std::string topic;
+  bool output = false;
+  std::uint64_t messages = 0;
+  std::uint64_t bytes = 0;
+};
+
+// See coseg_frame.idl.
 struct StageStatus {
   std::string kind;
   std::string host;
   std::uint32_t pid = 0;
+  std::uint32_t replica = 0;
   State state = State::starting;
   std::string activity;
+  std::string recipe;
   double progress = -1.0;
   std::uint64_t frames_in = 0;
   std::uint64_t frames_out = 0;
   std::uint64_t frames_failed = 0;
+  std::uint64_t repeated = 0;
+  std::uint64_t queue = 0;
+  std::uint64_t next = 0;
   double latency_median = 0.0;
   double latency_p99 = 0.0;
   double latency_sum = 0.0;
   double cpu_seconds = 0.0;
   std::uint64_t memory = 0;
   Account account;
+  std::uint64_t settled = 0;
+  std::vector<PortTraffic> ports;
+};
+
+// Control messages; see coseg_control.idl.
+struct Command {
+  std::uint64_t id = 0;
+  std::string host;
+  std::string stage;
+  std::uint32_t generation = 0;
+  std::string verb;
+  std::vector<std::string> words;
+};
+
+enum class ReplyState { accepted, progress, done, refused };
+
+struct Reply {
+  std::uint64_t id = 0;
+  std::string host;
+  ReplyState state = ReplyState::done;
+  std::string text;
+};
+
+enum class ProcessState { running, restarting, stopped, failed };
+
+struct AgentProcess {
+  std::string stage;
+  std::uint32_t replica = 0;
+  std::uint32_t generation = 0;
+  std::uint32_t pid = 0;
+  ProcessState state = ProcessState::stopped;
+  std::uint32_t restarts = 0;
+  std::string text;
+};
+
+struct AgentStatus {
+  std::string host;
+  std::string address;
+  std::uint32_t pid = 0;
+  std::vector<AgentProcess> processes;
+};
+
+struct LogLines {
+  std::string host;
+  std::string stage;
+  std::uint32_t replica = 0;
+  std::vector<std::string> lines;
 };
 
 // "Cloud", "Supervoxels", ...: the name in graph files. On the wire it is wire_type(name).
@@ -101,3 +175,7 @@ template <>
 cosegraph::Names<cosegraph::idl::Outcome> cosegraph::names<cosegraph::idl::Outcome>();
 template <>
 cosegraph::Names<cosegraph::idl::State> cosegraph::names<cosegraph::idl::State>();
+template <>
+cosegraph::Names<cosegraph::idl::ReplyState> cosegraph::names<cosegraph::idl::ReplyState>();
+template <>
+cosegraph::Names<cosegraph::idl::ProcessState> cosegraph::names<cosegraph::idl::ProcessState>();

@@ -155,7 +155,16 @@ TEST(Codec, ControlMessagesSurvive) {
   StageStatus status;
   status.state = State::working;
   status.account = {.admitted = 5, .labelled = 2, .consumed = 1, .failed = 1, .dropped = 4};
+  status.recipe = "a=1";
+  status.settled = 11;
+  status.ports = {{.name = "out", .topic = "g/s/out", .output = true, .messages = 3, .bytes = 99}};
   const StageStatus seen = round_trip(status);
+  EXPECT_EQ(seen.recipe, "a=1");
+  EXPECT_EQ(seen.settled, 11U);
+  ASSERT_EQ(seen.ports.size(), 1U);
+  EXPECT_EQ(seen.ports[0].topic, "g/s/out");
+  EXPECT_TRUE(seen.ports[0].output);
+  EXPECT_EQ(seen.ports[0].bytes, 99U);
   EXPECT_EQ(seen.state, State::working);
   EXPECT_EQ(seen.account.admitted, 5U);
   EXPECT_EQ(seen.account.dropped, 4U);
@@ -236,7 +245,15 @@ TEST(Codec, LayoutsEndWhereMessagesEnd) {
   EXPECT_EQ(whole_size(StreamEnd{1}), 0U);
   EXPECT_EQ(whole_size(FrameFailure{"x"}), 0U);
   EXPECT_EQ(whole_size(FrameDone{Outcome::failed, "a", "b"}), 0U);
-  EXPECT_EQ(whole_size(StageStatus{.kind = "k", .host = "h", .activity = "a"}), 0U);
+  EXPECT_EQ(whole_size(StageStatus{.kind = "k",
+                                   .host = "h",
+                                   .activity = "a",
+                                   .ports = {{.name = "p", .topic = "t"}, {.output = true}}}),
+            0U);
+  EXPECT_EQ(whole_size(Command{.verb = "swap", .words = {"a", "bc"}}), 0U);
+  EXPECT_EQ(whole_size(Reply{.host = "h", .text = "fine"}), 0U);
+  EXPECT_EQ(whole_size(AgentStatus{.host = "h", .processes = {{.stage = "a"}, {.text = "b"}}}), 0U);
+  EXPECT_EQ(whole_size(LogLines{.host = "h", .stage = "s", .lines = {"one", "two"}}), 0U);
 }
 
 // What an array claims to hold is bounded by the bytes that are there.
@@ -280,9 +297,47 @@ TEST(Codec, IndicesThatPointNowhereAreRefused) {
   EXPECT_THROW(round_trip(labelling), InputError);
 }
 
+TEST(Codec, OrdersAndReportsOfAgentsSurvive) {
+  const Command command = round_trip(Command{.id = 9,
+                                             .host = "rack",
+                                             .stage = "cpc",
+                                             .generation = 2,
+                                             .verb = "swap",
+                                             .words = {"--param", "a=b"}});
+  EXPECT_EQ(command.id, 9U);
+  EXPECT_EQ(command.host, "rack");
+  EXPECT_EQ(command.stage, "cpc");
+  EXPECT_EQ(command.generation, 2U);
+  EXPECT_EQ(command.verb, "swap");
+  EXPECT_THAT(command.words, testing::ElementsAre("--param", "a=b"));
+  const Reply reply = round_trip(Reply{9, "rack", ReplyState::refused, "busy"});
+  EXPECT_EQ(reply.state, ReplyState::refused);
+  EXPECT_EQ(reply.text, "busy");
+  const AgentStatus agent = round_trip(AgentStatus{.host = "rack",
+                                                   .address = "10.0.0.3",
+                                                   .pid = 5,
+                                                   .processes = {{.stage = "cpc",
+                                                                  .replica = 1,
+                                                                  .generation = 2,
+                                                                  .pid = 6,
+                                                                  .state = ProcessState::restarting,
+                                                                  .restarts = 3,
+                                                                  .text = "was killed"}}});
+  ASSERT_EQ(agent.processes.size(), 1U);
+  EXPECT_EQ(agent.processes[0].replica, 1U);
+  EXPECT_EQ(agent.processes[0].state, ProcessState::restarting);
+  EXPECT_EQ(agent.processes[0].text, "was killed");
+  const LogLines log = round_trip(LogLines{.host = "h", .stage = "s", .lines = {"one", "two"}});
+  EXPECT_THAT(log.lines, testing::ElementsAre("one", "two"));
+}
+
 TEST(Codec, EveryEnumValueHasAName) {
   for (const auto& [value, name] : names<State>()) EXPECT_EQ(from_name<State>(name), value);
   for (const auto& [value, name] : names<Outcome>()) EXPECT_EQ(from_name<Outcome>(name), value);
+  for (const auto& [value, name] : names<ReplyState>())
+    EXPECT_EQ(from_name<ReplyState>(name), value);
+  for (const auto& [value, name] : names<ProcessState>())
+    EXPECT_EQ(from_name<ProcessState>(name), value);
 }
 
 }  // namespace
