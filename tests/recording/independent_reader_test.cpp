@@ -144,10 +144,17 @@ TEST_F(IndependentReader, DecodesEveryType) {
     write(writer, idl::StreamEnd{9});
     write(writer, idl::FrameFailure{"no points"});
     write(writer, idl::FrameDone{idl::Outcome::failed, "cpc", "no points"});
-    write(writer, idl::StageStatus{.kind = "cpc",
-                                   .state = idl::State::working,
-                                   .progress = 0.5,
-                                   .account = {.admitted = 5, .dropped = 7}});
+    write(writer,
+          idl::StageStatus{
+              .kind = "cpc",
+              .state = idl::State::working,
+              .progress = 0.5,
+              .account = {.admitted = 5, .dropped = 7},
+              .ports = {{.name = "out", .topic = "g/cpc/out", .output = true, .bytes = 9}}});
+    write(writer, idl::Command{.id = 5, .verb = "drain", .words = {"a", "b"}});
+    write(writer, idl::Reply{.id = 5, .state = idl::ReplyState::refused, .text = "busy"});
+    write(writer, idl::AgentStatus{.processes = {{.stage = "cpc", .pid = 3, .text = "t"}}});
+    write(writer, idl::LogLines{.stage = "cpc", .lines = {"one", "two"}});
     writer.add({.name = "completeness", .values = {{"complete", "true"}}});
     writer.close();
   }
@@ -203,6 +210,11 @@ TEST_F(IndependentReader, DecodesEveryType) {
   EXPECT_EQ(value_of(all, "FrameFailure")["reason"], "no points");
   EXPECT_EQ(value_of(all, "FrameDone")["outcome"], "failed");
   EXPECT_EQ(value_of(all, "StageStatus")["dropped"], "7");
+  EXPECT_EQ(value_of(all, "StageStatus")["ports"][0]["bytes"], "9");
+  EXPECT_EQ(value_of(all, "Command")["words"], (json{"a", "b"}));
+  EXPECT_EQ(value_of(all, "Reply")["state"], "refused");
+  EXPECT_EQ(value_of(all, "AgentStatus")["processes"][0]["text"], "t");
+  EXPECT_EQ(value_of(all, "LogLines")["lines"], (json{"one", "two"}));
 }
 
 TEST_F(IndependentReader, ReadsWhatAKilledWriterLeaves) {

@@ -14,11 +14,12 @@ using Action = std::function<int()>;
 // Called by the parser when a subcommand was chosen; main() then runs the action.
 using Choose = std::function<void(Action)>;
 
-void add_graph_commands(CLI::App& app, const Choose& choose);   // check draw run up stages
-void add_job_commands(CLI::App& app, const Choose& choose);     // view train segment
-void add_sample_command(CLI::App& app, const Choose& choose);   // sample
-void add_picture_command(CLI::App& app, const Choose& choose);  // picture
-void add_eval_command(CLI::App& app, const Choose& choose);     // eval
+void add_graph_commands(CLI::App& app, const Choose& choose);      // check draw run up stages
+void add_job_commands(CLI::App& app, const Choose& choose);        // view train segment
+void add_sample_command(CLI::App& app, const Choose& choose);      // sample
+void add_picture_command(CLI::App& app, const Choose& choose);     // picture
+void add_eval_command(CLI::App& app, const Choose& choose);        // eval
+void add_recording_commands(CLI::App& app, const Choose& choose);  // record info
 
 // Every kind of stage that this program was built with.
 const graph::StageTable& stage_table();
