@@ -87,12 +87,11 @@ Topic topic_of(const Channel& channel, const Schema& schema) {
                        key + "'");
     return found->second;
   };
+  Topic topic{
+      .name = channel.topic, .stage = value("stage"), .latched = value("latched") == "true"};
   if (!schema.name.starts_with(kWirePrefix))
     throw InputError("channel " + channel.topic + " has the unknown type " + schema.name);
-  Topic topic{.name = channel.topic,
-              .type = schema.name.substr(kWirePrefix.size()),
-              .stage = value("stage"),
-              .latched = value("latched") == "true"};
+  topic.type = schema.name.substr(kWirePrefix.size());
   std::istringstream upstream(value("upstream"));
   for (std::string stage; upstream >> stage;) topic.upstream.push_back(stage);
   return topic;
