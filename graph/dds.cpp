@@ -189,6 +189,20 @@ class DdsWriter final : public Writer {
                   writer_->get_topic()->get_name());
   }
 
+  int readers() const override {
+    dds::PublicationMatchedStatus status;
+    writer_->get_publication_matched_status(status);
+    return status.current_count;
+  }
+
+  bool await_readers(std::chrono::milliseconds patience) override {
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(patience);
+    const auto rest = std::chrono::nanoseconds(patience - seconds);
+    return writer_->wait_for_acknowledgments({static_cast<std::int32_t>(seconds.count()),
+                                              static_cast<std::uint32_t>(rest.count())}) ==
+           ReturnCode_t::RETCODE_OK;
+  }
+
  private:
   dds::Publisher* publisher_;
   dds::DataWriter* writer_;

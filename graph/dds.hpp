@@ -5,6 +5,7 @@
 // was chosen by measurement; ARCHITECTURE.md tells why.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -28,6 +29,10 @@ class Writer {
   virtual ~Writer() = default;
   // Throws Error if DDS refuses the sample.
   virtual void write(const idl::Bytes& bytes) = 0;
+  // How many readers this writer knows.
+  virtual int readers() const = 0;
+  // Waits until they have all that was written; false if that takes longer than `patience`.
+  virtual bool await_readers(std::chrono::milliseconds patience) = 0;
 };
 
 class Reader {

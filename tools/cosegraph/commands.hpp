@@ -20,7 +20,7 @@ void add_sample_command(CLI::App& app, const Choose& choose);      // sample
 void add_picture_command(CLI::App& app, const Choose& choose);     // picture
 void add_eval_command(CLI::App& app, const Choose& choose);        // eval
 void add_recording_commands(CLI::App& app, const Choose& choose);  // record info
-void add_replay_commands(CLI::App& app, const Choose& choose);     // compare
+void add_replay_commands(CLI::App& app, const Choose& choose);     // replay compare
 
 // Every kind of stage that this program was built with.
 const graph::StageTable& stage_table();

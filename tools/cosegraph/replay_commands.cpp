@@ -1,4 +1,4 @@
-// compare: recordings given to stages of today.
+// replay, compare: recordings given to readers and stages of today.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -6,12 +6,14 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "graph/runs.hpp"
 #include "graph/runtime.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/run_graph.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
 #include "tools/recording/compare.hpp"
 #include "tools/recording/recording.hpp"
+#include "tools/recording/replay.hpp"
 
 namespace cosegraph::tools {
 namespace {
@@ -40,6 +42,11 @@ void add_part(CLI::App& command, Part& part) {
       ->check(CLI::Range(0.0, kLongest));
   command.add_option("--to", part.to, "s after the start of the recording; 0: its end")
       ->check(CLI::Range(0.0, kLongest));
+}
+
+void report_damage(const recording::McapReader& reader) {
+  if (!reader.damage().empty())
+    std::cerr << reader.file().string() << ": read up to " << reader.damage() << '\n';
 }
 
 // -- a recorded stage ----------------------------------------------------------------------------
@@ -217,9 +224,111 @@ int compare(const CompareArguments& arguments) {
     std::printf("%s: %zu frames identical, %zu differ, %zu not comparable; %.1f ms per frame\n",
                 name.c_str(), counts[Verdict::identical], counts[Verdict::differs],
                 counts[Verdict::not_comparable], median(times));
-  if (!reader.damage().empty())
-    std::cerr << reader.file().string() << ": read up to " << reader.damage() << '\n';
+  report_damage(reader);
   return fine ? 0 : 1;
+}
+
+// -- replay --------------------------------------------------------------------------------------
+
+struct ReplayArguments {
+  StageArguments stage;  // its name is empty unless there is one to replay into
+  std::string instance;
+  std::vector<std::string> topics;
+  double speed = 1.0;
+  bool loop = false;
+  bool wait = false;
+  bool json = false;
+};
+
+int replay_to_all(const recording::McapReader& reader, const graph::GraphDescription& graph,
+                  const recording::ReplayOptions& options, bool json) {
+  const recording::ReplayReport report = recording::replay(reader, graph, options);
+  if (json)
+    std::cout << ordered_json{{"messages", report.messages}, {"rounds", report.rounds}}.dump(2)
+              << '\n';
+  else
+    std::printf("%llu messages published\n", static_cast<unsigned long long>(report.messages));
+  return 0;
+}
+
+int replay_to_stage(const recording::McapReader& reader, graph::GraphDescription graph,
+                    const recording::ReplayOptions& options, const ReplayArguments& arguments) {
+  const std::string& name = arguments.stage.stage;
+  auto stage = make_stage(graph, arguments.stage);
+  const recording::IntoReport report =
+      recording::replay_into(reader, graph, name, std::move(stage), options);
+  if (arguments.json)
+    std::cout << ordered_json{{"stage", name},
+                              {"frames", report.frames},
+                              {"failed", report.failed},
+                              {"skipped", report.skipped},
+                              {"ms_median", report.status.latency_median},
+                              {"ms_p99", report.status.latency_p99},
+                              {"ms_total", report.status.latency_sum},
+                              {"interrupted", report.interrupted}}
+                     .dump(2)
+              << '\n';
+  else
+    std::printf(
+        "%s: %llu frames, %llu failed, %llu skipped; ms median %.1f, p99 %.1f, total %.1f\n",
+        name.c_str(), static_cast<unsigned long long>(report.frames),
+        static_cast<unsigned long long>(report.failed),
+        static_cast<unsigned long long>(report.skipped), report.status.latency_median,
+        report.status.latency_p99, report.status.latency_sum);
+  return report.failed == 0 && report.frames > 0 && !report.interrupted ? 0 : 1;
+}
+
+int replay(const ReplayArguments& arguments) {
+  const recording::McapReader reader(arguments.stage.file);
+  graph::GraphDescription graph = graph::fresh_instance(recording::graph_in(reader));
+  if (!arguments.instance.empty()) graph.instance = arguments.instance;
+  graph.one_process = !arguments.stage.stage.empty();
+  const auto [from, to] = arguments.stage.part.times_in(reader);
+  const StopSignals signals;
+  const recording::ReplayOptions options{.from = from,
+                                         .to = to,
+                                         .speed = arguments.speed,
+                                         .loop = arguments.loop,
+                                         .topics = arguments.topics,
+                                         .wait = arguments.wait,
+                                         .stop = &signals.asked()};
+  const graph::RunFolder folder(graph, "");  // so that other commands find this run
+  std::cerr << "replaying graph " << graph.graph << " as instance " << graph.instance << '\n';
+  const int status = arguments.stage.stage.empty()
+                         ? replay_to_all(reader, graph, options, arguments.json)
+                         : replay_to_stage(reader, graph, options, arguments);
+  report_damage(reader);
+  return status;
+}
+
+void add_replay_command(CLI::App& app, const Choose& choose) {
+  auto* command = app.add_subcommand(
+      "replay", "Publishes a recording as a run of its graph, or gives it to one stage");
+  auto arguments = std::make_shared<ReplayArguments>();
+  command->add_option("recording", arguments->stage.file, "MCAP file")->required();
+  auto* into = command->add_option("--into", arguments->stage.stage,
+                                   "run this stage, as fast as it takes its recorded inputs");
+  command->add_option("--param", arguments->stage.params, "NAME=VALUE of that stage")
+      ->take_all()
+      ->needs(into);
+  command->add_option("--instance", arguments->instance, "name of the run; else one of its own");
+  command->add_option("--speed", arguments->speed, "times the recorded speed")
+      ->check(CLI::Range(0.01, 1000.0))
+      ->excludes(into);
+  command->add_flag("--loop", arguments->loop, "begin anew until Ctrl-C")->excludes(into);
+  command
+      ->add_option("--topics", arguments->topics,
+                   "only topics whose name contains one of these, separated by commas")
+      ->delimiter(',')
+      ->excludes(into);
+  command->add_flag("--wait", arguments->wait, "until the topics are read")->excludes(into);
+  command->add_flag("--json", arguments->json, "the report as JSON");
+  add_part(*command, arguments->stage.part);
+  command->footer(
+      "Example:\n"
+      "  cosegraph replay run.mcap --speed 0.5 --loop\n"
+      "  cosegraph replay run.mcap --into descriptors --param threads=2");
+  command->callback([=] { choose([=] { return replay(*arguments); }); });
 }
 
 void add_stage_options(CLI::App& command, StageArguments& arguments) {
@@ -233,6 +342,7 @@ void add_stage_options(CLI::App& command, StageArguments& arguments) {
 }  // namespace
 
 void add_replay_commands(CLI::App& app, const Choose& choose) {
+  add_replay_command(app, choose);
   auto* command = app.add_subcommand(
       "compare", "Gives a stage its recorded inputs and compares with its recorded outputs");
   auto arguments = std::make_shared<CompareArguments>();

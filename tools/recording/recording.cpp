@@ -51,9 +51,7 @@ void Recording::open(std::uint64_t time) {
 }
 
 void Recording::write(const Entry& entry) {
-  const bool is_too_much = options_.max_size > 0 && writer_->statistics().messages > 0 &&
-                           writer_->size() + entry.sample->size() > options_.max_size;
-  if (options_.split && is_too_much) {
+  if (options_.split && writer_->statistics().messages > 0 && !has_room(entry.sample->size())) {
     close("continued in the next file", std::vector<std::uint64_t>(topics_.size()));
     open(entry.time);
     for (const auto& models : models_)
@@ -73,8 +71,14 @@ void Recording::put(const Entry& entry, std::uint64_t time) {
        .data = *entry.sample});
 }
 
-bool Recording::full() const {
-  return options_.max_size > 0 && !options_.split && writer_->size() >= options_.max_size;
+bool Recording::has_room(std::uint64_t bytes) {
+  if (options_.max_size == 0 || writer_->size() + bytes <= options_.max_size) return true;
+  writer_->flush();  // only now it is known what the last messages take
+  return writer_->size() + bytes <= options_.max_size;
+}
+
+bool Recording::full() {
+  return !options_.split && !has_room(0);
 }
 
 void Recording::close(const std::string& ended, const std::vector<std::uint64_t>& lost) {

@@ -45,7 +45,7 @@ class Recording {
   // What was written so far survives a kill.
   void flush() { writer_->flush(); }
   // The file has its size, and there is no other to come.
-  bool full() const;
+  bool full();
   // Adds the completeness record. `ended`: why; `lost`: per topic, what had no room.
   void close(const std::string& ended, const std::vector<std::uint64_t>& lost);
 
@@ -54,6 +54,7 @@ class Recording {
 
  private:
   void open(std::uint64_t time);
+  bool has_room(std::uint64_t bytes);
   void put(const Entry& entry, std::uint64_t time);
 
   std::filesystem::path file_;
