@@ -194,6 +194,14 @@ class DdsWriter final : public Writer {
     return status.current_count;
   }
 
+  bool await_readers(std::chrono::milliseconds patience) override {
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(patience);
+    const auto rest = std::chrono::nanoseconds(patience - seconds);
+    return writer_->wait_for_acknowledgments({static_cast<std::int32_t>(seconds.count()),
+                                              static_cast<std::uint32_t>(rest.count())}) ==
+           ReturnCode_t::RETCODE_OK;
+  }
+
  private:
   dds::Publisher* publisher_;
   dds::DataWriter* writer_;

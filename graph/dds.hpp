@@ -5,6 +5,7 @@
 // was chosen by measurement; ARCHITECTURE.md tells why.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -30,6 +31,8 @@ class Writer {
   virtual void write(const idl::Bytes& bytes) = 0;
   // How many readers it has found.
   virtual int matched() const = 0;
+  // Waits until they have all that was written; false if that takes longer than `patience`.
+  virtual bool await_readers(std::chrono::milliseconds patience) = 0;
 };
 
 class Reader {

@@ -803,6 +803,16 @@ FrameHeader decode_header(std::span<const std::uint8_t> bytes) {
   return to_header(deserialise<msg::FrameHeader>(bytes, "FrameHeader", ""));
 }
 
+void set_epoch(std::span<std::uint8_t> bytes, std::uint64_t epoch) {
+  FrameHeader header = decode_header(bytes);
+  header.epoch = epoch;
+  eprosima::fastcdr::FastBuffer buffer(reinterpret_cast<char*>(bytes.data()), bytes.size());
+  eprosima::fastcdr::Cdr cdr(buffer, eprosima::fastcdr::Cdr::DEFAULT_ENDIAN,
+                             eprosima::fastcdr::Cdr::DDS_CDR);
+  cdr.read_encapsulation();  // and takes on its byte order
+  to_message(header).serialize(cdr);
+}
+
 #define COSEGRAPH_TRAVELS(Value)                           \
   template <>                                              \
   std::string_view type_name<Value>() {                    \

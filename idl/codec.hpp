@@ -171,6 +171,10 @@ Value decode(std::span<const std::uint8_t> bytes);
 // The header that every message begins with.
 FrameHeader decode_header(std::span<const std::uint8_t> bytes);
 
+// Writes another epoch into a message, where the old one stands. Throws InputError as
+// decode_header.
+void set_epoch(std::span<std::uint8_t> bytes, std::uint64_t epoch);
+
 }  // namespace cosegraph::idl
 
 template <>

@@ -24,6 +24,8 @@ int main(int argc, char** argv) {
   tools::add_eval_command(app, choose);
   tools::add_graph_commands(app, choose);
   tools::add_agent_commands(app, choose);
+  tools::add_recording_commands(app, choose);
+  tools::add_replay_commands(app, choose);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
