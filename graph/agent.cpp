@@ -28,7 +28,8 @@ using idl::ProcessState;
 using idl::ReplyState;
 
 constexpr auto kStatusPeriod = 100ms;
-constexpr auto kForgetAfter = 30s;  // statuses of processes that are no more
+constexpr auto kForgetAfter = 30s;      // statuses of processes that are no more
+constexpr auto kRecoverAfter = 1500ms;  // time for statuses of all processes to be heard
 constexpr std::size_t kReportsKept = 50'000;
 
 GraphDescription parse_text(const std::string& yaml) {
@@ -90,6 +91,7 @@ class Agent::Impl {
       adopt_graph();
     else
       folder_.publish(graph_);
+    recovered_ = adopted_ == 0;
     open_topics();
     start_missing();
     publish_status();
@@ -119,6 +121,8 @@ class Agent::Impl {
       for (const auto& process : changed) speak_for(process);
       obey_orders();
       if (swap_) step_swap();
+      if (!recovered_ && Clock::now() - began_ > kRecoverAfter) recover();
+      for (const auto& order : std::exchange(leftover_orders_, {})) send(order);
       if (!changed.empty() || Clock::now() - published_ >= kStatusPeriod) publish_status();
     } while (!down_ && Clock::now() < until);
   }
@@ -354,6 +358,8 @@ class Agent::Impl {
   }
 
   void launch(const idl::Command& command) {
+    // An agent that is new hears what its peers have ordered before; generations only grow.
+    if (command.generation <= supervisor_.newest_generation(command.stage)) return;
     GraphDescription graph = parse_text(command.words.at(0));
     graph.instance = graph_.instance;
     graph.file = graph_.file;
@@ -428,7 +434,50 @@ class Agent::Impl {
     return graph;
   }
 
+  // Ends a swap that the agent before this one was killed in: the newcomer has taken over, and the
+  // old one goes; or it has not, and goes itself.
+  void recover() {
+    recovered_ = true;
+    const GraphView view = this->view();
+    if (std::ranges::none_of(supervisor_.processes(),
+                             [&](const auto& process) { return process.stage == source_; }))
+      return;  // its agent led the swap
+    std::map<std::string, std::vector<std::pair<std::uint32_t, bool>>> stages;  // generations
+    std::map<std::pair<std::string, std::uint32_t>, std::string> host_of;
+    const std::scoped_lock lock(mutex_);
+    for (const auto& [key, seen] : statuses_) {
+      const auto& [stage, replica, generation] = key;
+      if (view.now - seen.heard > 1s || seen.status.pid == 0) continue;
+      stages[stage].emplace_back(generation, seen.status.candidate);
+      host_of[{stage, generation}] = graph_.hosts.empty() ? "" : seen.status.host;
+    }
+    for (auto& [stage, generations] : stages) {
+      std::ranges::sort(generations);
+      const auto [newest, is_candidate] = generations.back();
+      const auto order = [&, stage = stage](std::uint32_t generation, std::string_view verb,
+                                            const std::string& host) {
+        leftover_orders_.push_back({.id = random_id(),
+                                    .host = host,
+                                    .stage = stage,
+                                    .generation = generation,
+                                    .verb = std::string(verb)});
+      };
+      for (const auto& [generation, candidate] : generations) {
+        const std::string host = host_of.at({stage, generation});
+        if (generation == newest) {
+          order(newest, is_candidate ? verb::kDismiss : verb::kPromote, host);
+        } else if (is_candidate) {
+          order(generation, verb::kRelease, "");
+          order(generation, verb::kKeep, host);
+        } else {
+          order(generation, verb::kDismiss, host);
+        }
+      }
+    }
+  }
+
   void begin_swap(const idl::Command& command) {
+    if (!recovered_) throw Error("busy: this agent has just taken over, try again in a moment");
     if (swap_) throw Error("busy: " + swap_->request().stage + " is being swapped");
     SwapRequest request{.stage = command.stage};
     request.graph = changed_graph(command, request.dry_run);
@@ -535,6 +584,9 @@ class Agent::Impl {
   std::deque<FrameReport> reports_;
   Supervisor supervisor_;
   std::size_t adopted_ = 0;
+  const Clock::time_point began_ = Clock::now();
+  bool recovered_ = false;
+  std::vector<idl::Command> leftover_orders_;
   std::string failure_;
   bool down_ = false;
   bool left_ = false;

@@ -32,6 +32,7 @@ constexpr auto kTick = 50ms;            // of the timer
 constexpr auto kStatusPeriod = 250ms;
 constexpr auto kResumePatience = 2s;  // for the source's word on which frames are over
 constexpr auto kAbandonAfter = 2s;    // leaves' time to report an overdue frame
+constexpr auto kHoldPatience = 15s;   // drained, and nobody has taken the place
 constexpr std::uint32_t kDeathsOfAFrame = 2;
 constexpr int kCommandDepth = 16;
 
@@ -286,9 +287,13 @@ class StageRunner::Impl final : public StageHost {
   // Other stages' statuses: which frames are over, who is at work, which replicas are given up.
   void hear(const FrameHeader& header, const idl::Bytes& bytes) {
     const bool from_source = header.stage == header.source;
-    const bool from_replica = header.stage == node_.name && !node_.replicas.empty();
-    if (source_ == nullptr && !from_source && !from_replica) return;
+    const bool from_own = header.stage == node_.name;
+    const bool from_replica = from_own && !node_.replicas.empty();
+    if (source_ == nullptr && !from_source && !from_own) return;
     const auto status = idl::decode<idl::StageStatus>(bytes);
+    if (from_own && header.generation > options_.generation && !status.candidate &&
+        status.replica == options_.replica && status.pid != 0)
+      replaced_ = true;
     if (source_ != nullptr)
       at_work_[{header.stage, status.replica}] = {header.sequence, status.state == State::working};
     else if (from_source && !status.candidate)
@@ -371,12 +376,15 @@ class StageRunner::Impl final : public StageHost {
     return true;
   }
 
-  // Holds until it is released or stopped.
+  // Holds until it is released or stopped; if whoever ordered that is gone and nobody has taken its
+  // place, it goes on.
   void hold() {
     set_state(State::drained, "");
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return stop_ || !draining_; });
+      const auto over = [this] { return stop_ || !draining_; };
+      while (!changed_.wait_for(lock, kHoldPatience, over))
+        if (!replaced_) draining_ = false;
       if (stop_) return;
     }
     set_state(State::waiting, "");
@@ -825,7 +833,8 @@ class StageRunner::Impl final : public StageHost {
   bool stop_ = false;
   bool standby_;
   bool draining_ = false;
-  Handover handover_;  // what a candidate was told when it took its place
+  bool replaced_ = false;  // a process of a later generation is in its place
+  Handover handover_;      // what a candidate was told when it took its place
   std::vector<std::pair<std::string, idl::Bytes>> held_;  // latched values of a candidate
   Join join_;
   Ledger ledger_;

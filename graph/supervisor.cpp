@@ -280,9 +280,10 @@ void Supervisor::note_exit(Process& process, const std::string& how) {
   fs::remove(file_of(process, "yaml"), error);
   const Restart& restart = process.graph.stage(process.info.stage)->restart;
   const auto now = Clock::now();
-  if (process.stopping) return set_state(process, ProcessState::stopped, how);
+  if (process.stopping || !process.may_restart)
+    return set_state(process, ProcessState::stopped, how);
   if (now - process.started > kWellAfter) process.info.restarts = 0;
-  if (process.info.candidate || !process.may_restart || restart.policy == RestartPolicy::never ||
+  if (process.info.candidate || restart.policy == RestartPolicy::never ||
       process.info.restarts >= static_cast<std::uint32_t>(restart.max))
     return set_state(process, ProcessState::failed, how);
   const auto backoff = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
@@ -367,9 +368,16 @@ void Supervisor::promote(const std::string& stage, std::uint32_t generation) {
 void Supervisor::allow_restart(const std::string& stage, std::uint32_t generation, bool allowed) {
   for (auto& process : processes_) {
     if (process.info.stage != stage || process.info.generation != generation) continue;
+    const bool missed = allowed && !process.may_restart && !process.stopping &&
+                        process.info.state == ProcessState::stopped;
     process.may_restart = allowed;
+    if (missed) {
+      process.due = Clock::now();
+      ++process.info.generation;
+      set_state(process, ProcessState::restarting, process.info.text);
+    }
     if (!allowed && process.info.state == ProcessState::restarting)
-      set_state(process, ProcessState::failed, process.info.text);
+      set_state(process, ProcessState::stopped, process.info.text);
   }
 }
 
@@ -390,6 +398,12 @@ std::uint32_t Supervisor::newest_generation(const std::string& stage) const {
   std::uint32_t newest = 0;
   for (const auto& process : processes_)
     if (process.info.stage == stage) newest = std::max(newest, process.info.generation);
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(options_.folder, error)) {
+    const std::string name = entry.path().filename();
+    if (!name.starts_with(stage + ".") || !name.ends_with(".journal")) continue;
+    if (const auto left = Journal(entry.path()).load()) newest = std::max(newest, left->generation);
+  }
   return newest;
 }
 

@@ -51,7 +51,8 @@ class Supervisor {
 
   // A candidate becomes a process like the others.
   void promote(const std::string& stage, std::uint32_t generation);
-  // Whether processes of this generation are started again when they die.
+  // Whether processes of this generation are started again when they die; those that died while it
+  // was not allowed are, when it is allowed again.
   void allow_restart(const std::string& stage, std::uint32_t generation, bool allowed);
 
   // Asks the processes of a stage to end (of one generation, or all), kills them if they do not;
@@ -67,7 +68,7 @@ class Supervisor {
   std::vector<idl::AgentProcess> attend(std::chrono::milliseconds patience, int wake = -1);
 
   std::vector<idl::AgentProcess> processes() const;
-  // How often processes of this stage have been started, at most.
+  // The newest of this stage that was ever started here.
   std::uint32_t newest_generation(const std::string& stage) const;
 
  private:

@@ -48,6 +48,8 @@ StreamPosition settled(const GraphView& view) {
 
 Swap::Swap(SwapRequest request, Clock::time_point now)
     : request_(std::move(request)), began_(now), entered_(now) {
+  // A process that is started again would bear the generation of the newcomer.
+  to_agents(request_.old_hosts, verb::kRetire, request_.old_generation);
   const std::string yaml = to_yaml(request_.graph);
   const auto& hosts = request_.new_hosts;
   for (const auto& host : std::set<std::string>(hosts.begin(), hosts.end())) {
@@ -138,11 +140,10 @@ void Swap::enter(Phase phase, Clock::time_point now) {
 
 void Swap::give_up(const std::string& why, Clock::time_point now) {
   why_ = why;
-  if (phase_ != Phase::launching) {
+  if (phase_ != Phase::launching)
     orders_.push_back(to_stage(verb::kRelease, request_.old_generation));
-    to_agents(request_.old_hosts, verb::kKeep, request_.old_generation);
-  }
   to_agents(request_.new_hosts, verb::kDismiss, request_.new_generation);
+  to_agents(request_.old_hosts, verb::kKeep, request_.old_generation);
   enter(Phase::failed, now);
 }
 
@@ -162,6 +163,7 @@ void Swap::await_readiness(const GraphView& view) {
   if (!ready) return;
   if (request_.dry_run) {
     to_agents(request_.new_hosts, verb::kDismiss, request_.new_generation);
+    to_agents(request_.old_hosts, verb::kKeep, request_.old_generation);
     return enter(Phase::done, view.now);
   }
   for (std::uint32_t r = 0; r < replicas(); ++r)
@@ -170,7 +172,6 @@ void Swap::await_readiness(const GraphView& view) {
       return give_up("the stream is over", view.now);
   first_ = admission(view);
   drained_at_ = view.now;
-  to_agents(request_.old_hosts, verb::kRetire, request_.old_generation);
   orders_.push_back(to_stage(verb::kDrain, request_.old_generation));
   enter(Phase::draining, view.now);
 }

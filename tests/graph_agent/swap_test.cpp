@@ -73,10 +73,10 @@ class SwapTest : public testing::Test {
 
 TEST_F(SwapTest, GoesFromLaunchToDismissalInOrder) {
   Swap swap(request(), view_.now);
-  EXPECT_THAT(step(swap), ElementsAre("launch 4 at rack"));
+  EXPECT_THAT(step(swap), ElementsAre("retire 3 at robot", "launch 4 at rack"));
   EXPECT_THAT(step(swap), IsEmpty()) << "until the newcomer is ready";
   newcomer_is_ready();
-  EXPECT_THAT(step(swap), ElementsAre("retire 3 at robot", "drain 3"));
+  EXPECT_THAT(step(swap), ElementsAre("drain 3"));
   EXPECT_THAT(step(swap), IsEmpty()) << "until the old one is drained";
   old_is_drained();
   EXPECT_THAT(step(swap), ElementsAre("activate 4"));
@@ -94,7 +94,7 @@ TEST_F(SwapTest, NewcomerThatDiesChangesNothing) {
   Swap swap(request(), view_.now);
   step(swap);
   process("cpc", 4, ProcessState::failed);
-  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack"));
+  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
   EXPECT_TRUE(swap.finished());
   EXPECT_FALSE(swap.succeeded());
   EXPECT_THAT(swap.report({}).text, HasSubstr("the newcomer was killed"));
@@ -105,7 +105,7 @@ TEST_F(SwapTest, NewcomerThatIsNeverReadySaysWhatItLacks) {
   step(swap);
   process("cpc", 4, ProcessState::running);
   status("cpc", 4, State::starting, true).activity = "nobody feeds input 'cloud'";
-  EXPECT_THAT(step(swap, 21s), ElementsAre("dismiss 4 at rack"));
+  EXPECT_THAT(step(swap, 21s), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
   EXPECT_THAT(swap.report({}).text, HasSubstr("nobody feeds input 'cloud'"));
 }
 
@@ -117,7 +117,7 @@ TEST_F(SwapTest, OldOneIsReleasedIfTheNewcomerDiesAfterTheDrain) {
   old_is_drained();
   step(swap);
   process("cpc", 4, ProcessState::failed);
-  EXPECT_THAT(step(swap), ElementsAre("release 3", "keep 3 at robot", "dismiss 4 at rack"));
+  EXPECT_THAT(step(swap), ElementsAre("release 3", "dismiss 4 at rack", "keep 3 at robot"));
   EXPECT_FALSE(swap.succeeded());
 }
 
@@ -126,7 +126,7 @@ TEST_F(SwapTest, OldOneThatStaysBusyIsReleased) {
   step(swap);
   newcomer_is_ready();
   step(swap);
-  EXPECT_THAT(step(swap, 31s), ElementsAre("release 3", "keep 3 at robot", "dismiss 4 at rack"));
+  EXPECT_THAT(step(swap, 31s), ElementsAre("release 3", "dismiss 4 at rack", "keep 3 at robot"));
   EXPECT_THAT(swap.report({}).text, HasSubstr("still busy"));
 }
 
@@ -144,7 +144,7 @@ TEST_F(SwapTest, DryRunEndsWhenTheNewcomerIsReady) {
   Swap swap(request(true), view_.now);
   step(swap);
   newcomer_is_ready();
-  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack"));
+  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
   EXPECT_TRUE(swap.succeeded());
 }
 
@@ -154,7 +154,7 @@ TEST_F(SwapTest, AnotherRecipeIsRefused) {
   step(swap);
   newcomer_is_ready();
   view_.statuses.at({"cpc", 0, 4}).second.recipe = "radius=2";
-  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack"));
+  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
   EXPECT_THAT(swap.report({}).text, HasSubstr("[radius=2] instead of [radius=1]"));
 }
 

@@ -152,8 +152,15 @@ Json ps_json(const graph::GraphDescription& graph,
                      {"pid", agent.status.pid},
                      {"heard_seconds_ago", seconds_since(agent.heard)}});
   Json processes = Json::array();
+  Json accounts;
   for (const auto& row : rows) {
     const idl::StageStatus& status = row.now.status;
+    if (const auto& account = status.account; account.admitted + account.dropped > 0)
+      accounts = {{"admitted", account.admitted},
+                  {"labelled", account.labelled},
+                  {"consumed", account.consumed},
+                  {"failed", account.failed},
+                  {"dropped", account.dropped}};
     processes.push_back({{"process", row.process},
                          {"kind", status.kind},
                          {"host", status.host},
@@ -174,11 +181,20 @@ Json ps_json(const graph::GraphDescription& graph,
   Json edges = Json::array();
   for (const auto& edge : edges_of(graph, rows))
     edges.push_back({{"from", edge.from}, {"to", edge.to}, {"via", edge.via}});
-  return {{"graph", graph.graph},
-          {"instance", graph.instance},
-          {"agents", hosts},
-          {"processes", processes},
-          {"edges", edges}};
+  return {{"graph", graph.graph}, {"instance", graph.instance}, {"agents", hosts},
+          {"account", accounts},  {"processes", processes},     {"edges", edges}};
+}
+
+void print_account(const std::vector<Row>& rows) {
+  for (const auto& row : rows) {
+    const idl::Account& account = row.now.status.account;
+    const std::uint64_t over = account.labelled + account.consumed + account.failed;
+    if (account.admitted + account.dropped == 0) continue;
+    std::cout << "admitted " << account.admitted << " = labelled " << account.labelled
+              << " + consumed " << account.consumed << " + failed " << account.failed
+              << " + in flight " << account.admitted - over << "; dropped " << account.dropped
+              << '\n';
+  }
 }
 
 void print_rows(const std::vector<Row>& rows) {
@@ -225,6 +241,7 @@ int list_processes(const Target& target, bool edges) {
       std::cout << "the agent of host " << host.name << " is silent\n";
   }
   print_rows(rows);
+  print_account(rows);
   if (edges)
     for (const auto& edge : edges_of(graph, rows))
       std::printf("%-28s -> %-28s %s\n", edge.from.c_str(), edge.to.c_str(), edge.via.c_str());
