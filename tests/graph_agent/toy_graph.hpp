@@ -10,6 +10,7 @@
 #include <chrono>
 #include <csignal>
 #include <functional>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -24,10 +25,10 @@ class ToyGraph {
   struct Options {
     int count = 300;
     double rate = 100.0;
-    std::string left;          // further parameters of that stage
-    std::string extra;         // further keys of it
-    std::string hosts;         // a line, if there are any
-    std::string host_of = "";  // "host: X, " of every stage
+    std::string left;                            // further parameters of that stage
+    std::string extra;                           // further keys of it
+    std::string hosts;                           // a line, if there are any
+    std::map<std::string, std::string> host_of;  // by stage
     int max_restarts = 1000;
     double deadline = 20.0;
   };
@@ -42,7 +43,8 @@ class ToyGraph {
     const auto stage = [&](const std::string& name, const std::string& kind,
                            const std::string& inputs, const std::string& params,
                            const std::string& extra = "") {
-      return "  " + name + ": {exec: " + program + kind + ", " + options.host_of +
+      return "  " + name + ": {exec: " + program + kind + ", " +
+             (options.host_of.contains(name) ? "host: " + options.host_of.at(name) + ", " : "") +
              (kind == "keep" ? "" : "outputs: {out: Cloud}, ") +
              (inputs.empty() ? "" : "inputs: {" + inputs + "}, ") + extra + "params: {" + params +
              "}, " + restart + "}\n";
