@@ -188,8 +188,7 @@ class DdsWriter final : public Writer {
       throw Error("cannot publish " + std::to_string(bytes.size()) + " bytes on " +
                   writer_->get_topic()->get_name());
   }
-
-  int readers() const override {
+  int matched() const override {
     dds::PublicationMatchedStatus status;
     writer_->get_publication_matched_status(status);
     return status.current_count;
@@ -216,6 +215,11 @@ class DdsReader final : public Reader {
   ~DdsReader() override {
     reader_->set_listener(nullptr);
     subscriber_->delete_datareader(reader_);
+  }
+  int matched() const override {
+    dds::SubscriptionMatchedStatus status;
+    reader_->get_subscription_matched_status(status);
+    return status.current_count;
   }
 
  private:

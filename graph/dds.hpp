@@ -29,8 +29,8 @@ class Writer {
   virtual ~Writer() = default;
   // Throws Error if DDS refuses the sample.
   virtual void write(const idl::Bytes& bytes) = 0;
-  // How many readers this writer knows.
-  virtual int readers() const = 0;
+  // How many readers it has found.
+  virtual int matched() const = 0;
   // Waits until they have all that was written; false if that takes longer than `patience`.
   virtual bool await_readers(std::chrono::milliseconds patience) = 0;
 };
@@ -38,6 +38,8 @@ class Writer {
 class Reader {
  public:
   virtual ~Reader() = default;
+  // How many writers it has found.
+  virtual int matched() const = 0;
 };
 
 // Within one process messages are handed over directly, else they go by UDP.

@@ -67,6 +67,14 @@ enum class RestartPolicy { never, on_failure };
 struct Restart {
   RestartPolicy policy = RestartPolicy::never;
   int max = 5;
+  double backoff = 0.05;  // s, before the first; twice as long before each further one
+};
+
+// So many processes of a stage on one host.
+struct ReplicaShare {
+  std::string host;  // empty: the stage's
+  int count = 1;
+  Mark mark;
 };
 
 struct StageNode {
@@ -77,6 +85,7 @@ struct StageNode {
   std::vector<Connection> inputs;
   std::vector<PortInfo> outputs;  // exec stages declare theirs
   std::vector<Setting> params;
+  std::vector<ReplicaShare> replicas;  // empty: one process
   Restart restart;
   Mark mark;
 
@@ -117,8 +126,11 @@ struct GraphDescription {
   StageNode* stage(std::string_view name);
 };
 
-// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "max" and
-// "policy".
+// The host of each replica of a stage, one after the other; of a stage without replicas, its host.
+std::vector<std::string> hosts_of(const StageNode& stage);
+
+// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "policy",
+// "max" and "backoff".
 Fields describe(GraphDescription& graph);
 Fields describe(Dds& dds);
 Fields describe(Restart& restart);

@@ -128,21 +128,24 @@ GraphDescription find_run(const RunQuery& query) {
   const std::vector<Run> all = live_runs();
   std::vector<Run> matching;
   for (const auto& run : all) {
-    const bool wanted =
-        run.graph == name && (query.instance.empty() || run.instance.starts_with(query.instance));
-    const bool known = std::ranges::any_of(
-        matching, [&](const Run& other) { return other.instance == run.instance; });
+    const bool wanted = (name.empty() || run.graph == name) &&
+                        (query.instance.empty() || run.instance.starts_with(query.instance));
+    const bool known = std::ranges::any_of(matching, [&](const Run& other) {
+      return other.graph == run.graph && other.instance == run.instance;
+    });
     if (wanted && !known) matching.push_back(run);
   }
   if (matching.size() > 1)
-    throw InputError("several runs of '" + name + "': " + names_of(matching) +
-                     "; choose one with --instance");
+    throw InputError(
+        (name.empty() ? "several graphs run here: " : "several runs of '" + name + "': ") +
+        names_of(matching) + "; choose one with --graph or --instance");
   if (matching.size() == 1) {
     GraphDescription graph = parse_file(matching[0].folder / "graph.yaml");
     graph.instance = matching[0].instance;
     return graph;
   }
   if (is_file && query.instance.empty()) return described;
+  if (name.empty()) throw InputError("no graph runs on this machine; name one with --graph FILE");
   throw InputError("no run of '" + name + "' is known on this machine" +
                    (all.empty() ? "" : "; there are: " + names_of(all)));
 }
@@ -170,7 +173,7 @@ RunFolder::RunFolder(const GraphDescription& graph, std::string_view host)
   if (::ftruncate(lock_, 0) != 0 ||
       ::pwrite(lock_, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size()))
     throw InputError(keeper.string() + ": " + std::strerror(errno));
-  publish(graph);
+  if (!fs::exists(path_ / "graph.yaml")) publish(graph);
   discard_ = !graph.instance.empty();
 }
 

@@ -38,6 +38,11 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
   app.add_option("--instance", instance,
                  "name of this run; stages of different runs of a graph do not meet");
   app.add_option("--generation", options.generation, "how often this stage was started before");
+  app.add_option("--replica", options.replica, "which of the stage's replicas this is, from 0");
+  app.add_option("--journal", options.journal,
+                 "file that tells the next process of this stage where this one was");
+  app.add_flag("--standby", options.standby,
+               "wait beside the process that is to be replaced until told to take its place");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -57,6 +62,9 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
     if (node == nullptr) throw ParameterError(file + ": there is no stage '" + name + "'");
     if (!node->use.empty() && node->use != kind)
       throw ParameterError(file + ": stage '" + name + "' is a " + node->use + ", not a " + kind);
+    if (options.replica >= hosts_of(*node).size())
+      throw ParameterError("--replica: stage '" + name + "' has " +
+                           std::to_string(hosts_of(*node).size()) + " of them");
     auto stage = make();
     apply_params(graph, *node, *stage);
     StageRunner runner(graph, name, std::move(stage), options);

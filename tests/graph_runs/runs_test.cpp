@@ -73,6 +73,14 @@ TEST_F(Runs, OfOneGraphAreToldApartByInstance) {
   EXPECT_EQ(find_run({.graph = "mugs", .instance = "x"}).instance, "xyz");
 }
 
+TEST_F(Runs, NeedNoNameIfThereIsOne) {
+  EXPECT_THAT(refusal([] { find_run({}); }), HasSubstr("no graph runs on this machine"));
+  const RunFolder first(graph("mugs", "abc"), "");
+  EXPECT_EQ(find_run({}).graph, "mugs");
+  const RunFolder second(graph("chairs", "xyz"), "");
+  EXPECT_THAT(refusal([] { find_run({}); }), HasSubstr("several graphs run here: chairs"));
+}
+
 TEST_F(Runs, UnknownOnesAreRefusedNamingThoseThereAre) {
   const RunFolder kept(graph("mugs", "abc"), "");
   EXPECT_THAT(refusal([] { find_run({.graph = "chairs"}); }),

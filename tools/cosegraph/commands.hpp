@@ -14,7 +14,9 @@ using Action = std::function<int()>;
 // Called by the parser when a subcommand was chosen; main() then runs the action.
 using Choose = std::function<void(Action)>;
 
-void add_graph_commands(CLI::App& app, const Choose& choose);      // check draw run up stages
+void add_graph_commands(CLI::App& app, const Choose& choose);  // check draw run up stages
+// agent ps logs start stop restart swap down
+void add_agent_commands(CLI::App& app, const Choose& choose);
 void add_job_commands(CLI::App& app, const Choose& choose);        // view train segment
 void add_sample_command(CLI::App& app, const Choose& choose);      // sample
 void add_picture_command(CLI::App& app, const Choose& choose);     // picture

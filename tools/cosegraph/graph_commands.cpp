@@ -11,6 +11,7 @@
 #include "graph/description.hpp"
 #include "io/file.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/hosts.hpp"
 #include "tools/cosegraph/run_graph.hpp"
 
 namespace cosegraph::tools {
@@ -71,14 +72,15 @@ struct RunArguments {
   std::string file;
   std::vector<std::string> params;
   bool json = false;
+  Where where;
 };
 
-int run(const RunArguments& arguments, Processes processes) {
-  return run_and_report(graph::load(arguments.file, catalog()), arguments.params, processes,
-                        arguments.json)
-                 .fine()
-             ? 0
-             : 1;
+// Of a graph that names hosts `up` runs one host's part: the one that is asked for, or the one
+// whose address this machine has.
+int run(RunArguments arguments) {
+  const graph::GraphDescription graph = graph::load(arguments.file, catalog());
+  if (!arguments.where.one_process) arguments.where.host = host_here(graph, arguments.where.host);
+  return run_and_report(graph, arguments.params, arguments.where, arguments.json).fine() ? 0 : 1;
 }
 
 // -- stages
@@ -213,19 +215,26 @@ void add_graph_commands(CLI::App& app, const Choose& choose) {
   draw->footer("Example:\n  cosegraph draw config/graphs/segment.yaml -o segment.svg");
   draw->callback([=] { choose([=] { return draw_graph(*file, *output); }); });
 
-  const auto add_run = [&](const char* name, const char* what, Processes processes) {
+  const auto add_run = [&](const char* name, const char* what, bool one_process) {
     auto* command = app.add_subcommand(name, what);
     auto arguments = std::make_shared<RunArguments>();
+    arguments->where.one_process = one_process;
+    if (!one_process) {
+      command->add_option("--host", arguments->where.host,
+                          "of a graph with hosts: the one whose stages run here");
+      command->add_flag("--allow-exec", arguments->where.allow_exec,
+                        "run programs of the graph that stand outside its folder");
+    }
     command->add_option("graph", arguments->file, "graph file")->required();
     command->add_option("--param", arguments->params, "STAGE.NAME=VALUE, may be repeated")
         ->take_all();
     command->add_flag("--json", arguments->json, "the report as JSON");
     command->footer(std::string("Example:\n  cosegraph ") + name +
                     " segment.yaml --param source.path=queries --param sink.folder=out");
-    command->callback([=] { choose([=] { return run(*arguments, processes); }); });
+    command->callback([=] { choose([=] { return run(*arguments); }); });
   };
-  add_run("run", "Runs a graph in this process, one DDS participant per stage", Processes::one);
-  add_run("up", "Runs a graph as one process per stage on this host", Processes::per_stage);
+  add_run("run", "Runs a graph in this process, one DDS participant per stage", true);
+  add_run("up", "Runs a graph, or one host's part of it, as a process per stage", false);
 
   auto* stages = app.add_subcommand("stages", "Lists stages with ports, parameters and defaults");
   auto kind = std::make_shared<std::string>();

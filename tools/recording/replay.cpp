@@ -8,6 +8,7 @@
 #include <set>
 #include <thread>
 
+#include "graph/control.hpp"
 #include "graph/dds.hpp"
 #include "graph/runtime.hpp"
 #include "tools/recording/recording.hpp"
@@ -87,7 +88,7 @@ class Replay {
       int all = 0;
       bool every = true;
       for (const auto& [id, topic] : topics_) {
-        const int readers = writers_.at(id)->readers();
+        const int readers = writers_.at(id)->matched();
         all += readers;
         every = every && (topic.is_control() || readers > 0);
       }

@@ -4,7 +4,7 @@
 #include <set>
 #include <sstream>
 
-#include "graph/runtime.hpp"
+#include "graph/control.hpp"
 
 namespace cosegraph::recording {
 namespace {
