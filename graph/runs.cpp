@@ -104,7 +104,8 @@ std::vector<Run> live_runs() {
   for (const auto& graph : folders_in(runtime_folder()))
     for (const auto& instance : folders_in(graph))
       for (const auto& host : folders_in(instance)) {
-        if (!is_kept(host)) continue;
+        // A keeper that has only begun has not written its graph yet.
+        if (!is_kept(host) || !fs::exists(host / "graph.yaml")) continue;
         Run run{.graph = graph.filename(), .folder = host};
         if (instance.filename() != kAgents) run.instance = instance.filename();
         if (host.filename() != kWhole) run.host = host.filename();

@@ -48,7 +48,11 @@ class Sum final : public graph::Stage {
 const std::vector<Topic> kTopics{
     {.name = "g/source/a", .type = "Cloud", .stage = "source", .upstream = {"source"}},
     {.name = "g/other/b", .type = "Cloud", .stage = "other", .upstream = {"other", "source"}},
-    {.name = "g/model/m", .type = "RelationModel", .stage = "model", .latched = true},
+    {.name = "g/model/m",
+     .type = "RelationModel",
+     .stage = "model",
+     .latched = true,
+     .taken = true},
     {.name = "g/sum/out", .type = "Cloud", .stage = "sum", .upstream = {"other", "source", "sum"}},
     {.name = "g/frame_failure", .type = "FrameFailure"}};
 enum : std::size_t { kA, kB, kModel, kOut, kFailure };

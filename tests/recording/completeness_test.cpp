@@ -43,7 +43,11 @@ const std::vector<Topic> kTopics{
     {.name = "g/source/a", .type = "Cloud", .stage = "source", .upstream = {"source"}},
     {.name = "g/source/b", .type = "Cloud", .stage = "source", .upstream = {"source"}},
     {.name = "g/work/c", .type = "Scores", .stage = "work", .upstream = {"source", "work"}},
-    {.name = "g/model/m", .type = "RelationModel", .stage = "model", .latched = true},
+    {.name = "g/model/m",
+     .type = "RelationModel",
+     .stage = "model",
+     .latched = true,
+     .taken = true},
     {.name = "g/frame_failure", .type = "FrameFailure"},
     {.name = "g/stream_end", .type = "StreamEnd"}};
 enum : std::size_t { kA, kB, kC, kModel, kFailure, kEnd };
@@ -157,6 +161,24 @@ TEST_F(CompletenessTest, EpochsAreJudgedApart) {
   const Completeness found = tally_.completeness();
   EXPECT_THAT(found.stretches, SizeIs(2));
   EXPECT_THAT(missing(kC), ElementsAre(Range{6, 2, 2}));
+}
+
+TEST_F(CompletenessTest, ModelsThatFramesNameButDidNotComeAreMissing) {
+  const auto add_with_model = [&](std::size_t topic, std::uint64_t model) {
+    const idl::FrameHeader header{.stage = kTopics[topic].stage, .epoch = 5, .model_id = model};
+    tally_.add(topic, idl::encode(header, idl::StreamEnd{}));
+  };
+  for (const std::size_t topic : {kA, kB, kC}) add_with_model(topic, 7);
+  add(kEnd, 1);
+  EXPECT_THAT(tally_.completeness().topics.at("g/model/m").missing_models, ElementsAre(7));
+  EXPECT_FALSE(tally_.completeness().has_all());
+  EXPECT_FALSE(tally_.has_whole_stream());
+  EXPECT_EQ(completeness_of(to_metadata(tally_.completeness())), tally_.completeness());
+  add_with_model(kModel, 6);
+  EXPECT_FALSE(tally_.has_whole_stream());
+  add_with_model(kModel, 7);
+  EXPECT_TRUE(tally_.has_whole_stream());
+  EXPECT_TRUE(tally_.completeness().has_all());
 }
 
 TEST_F(CompletenessTest, EmptyStreamIsWhole) {

@@ -44,8 +44,8 @@ std::string time_text(std::uint64_t nanoseconds) {
   return text;
 }
 
-std::uint64_t missing_frames(const recording::TopicCount& count) {
-  std::uint64_t sum = 0;
+std::uint64_t missing_messages(const recording::TopicCount& count) {
+  std::uint64_t sum = count.missing_models.size();
   for (const auto& range : count.missing) sum += range.count();
   return sum;
 }
@@ -68,7 +68,7 @@ std::string verdict(const recording::Completeness& completeness) {
   std::uint64_t missing = 0;
   for (const auto& [name, count] : completeness.topics) {
     lost += count.lost;
-    missing += missing_frames(count);
+    missing += missing_messages(count);
   }
   if (lost + missing == 0) return "complete";
   return "incomplete: " + std::to_string(lost) + " messages had no room, " +
@@ -93,7 +93,9 @@ ordered_json info_json(const recording::McapReader& reader,
          {"messages", messages == statistics.channel_messages.end() ? 0 : messages->second},
          {"bytes", count == completeness.topics.end() ? 0 : count->second.bytes},
          {"lost", count == completeness.topics.end() ? 0 : count->second.lost},
-         {"missing", std::move(missing)}});
+         {"missing", std::move(missing)},
+         {"missing_models", count == completeness.topics.end() ? std::vector<std::uint64_t>{}
+                                                               : count->second.missing_models}});
   }
   ordered_json stretches = ordered_json::array();
   for (const auto& stretch : completeness.stretches)
@@ -139,7 +141,7 @@ void print_info(const recording::McapReader& reader, const recording::Completene
                     ? 0ULL
                     : static_cast<unsigned long long>(messages->second),
                 size_text(count.bytes).c_str(), static_cast<unsigned long long>(count.lost),
-                static_cast<unsigned long long>(missing_frames(count)));
+                static_cast<unsigned long long>(missing_messages(count)));
   }
   std::printf(
       "%s; %s\n", verdict(completeness).c_str(),

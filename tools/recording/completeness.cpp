@@ -20,9 +20,7 @@ Range range_of(const json& value) {
 }  // namespace
 
 bool Completeness::has_all() const {
-  return std::ranges::all_of(topics, [](const auto& topic) {
-    return topic.second.lost == 0 && topic.second.missing.empty();
-  });
+  return std::ranges::all_of(topics, [](const auto& topic) { return topic.second.has_all(); });
 }
 
 Metadata to_metadata(const Completeness& completeness) {
@@ -33,7 +31,8 @@ Metadata to_metadata(const Completeness& completeness) {
     topics[name] = {{"messages", count.messages},
                     {"bytes", count.bytes},
                     {"lost", count.lost},
-                    {"missing", std::move(missing)}};
+                    {"missing", std::move(missing)},
+                    {"missing_models", count.missing_models}};
   }
   json stretches = json::array();
   for (const auto& stretch : completeness.stretches)
@@ -57,6 +56,7 @@ Completeness completeness_of(const Metadata& metadata) {
       TopicCount& count = result.topics[name];
       count = {
           .messages = topic.at("messages"), .bytes = topic.at("bytes"), .lost = topic.at("lost")};
+      count.missing_models = topic.at("missing_models").get<std::vector<std::uint64_t>>();
       for (const auto& range : topic.at("missing")) count.missing.push_back(range_of(range));
     }
     const json stretches = json::parse(metadata.values.at("stretches"));
@@ -123,11 +123,24 @@ void Tally::add(std::size_t index, std::span<const std::uint8_t> bytes) {
   const idl::FrameHeader header = idl::decode_header(bytes);
   if (topic.has_frames()) {
     epochs_[header.epoch].seen[index].add(header.sequence);
+    if (header.model_id != 0) named_models_.insert(header.model_id);
+  } else if (topic.latched) {
+    models_[index].insert(header.model_id);
   } else if (topic.type == idl::type_name<idl::FrameFailure>()) {
     epochs_[header.epoch].failed[header.stage].add(header.sequence);
   } else if (topic.type == idl::type_name<idl::StreamEnd>()) {
     epochs_[header.epoch].length = header.sequence;
   }
+}
+
+// Of a topic of models, if somebody needs it.
+std::vector<std::uint64_t> Tally::missing_models(std::size_t topic) const {
+  std::vector<std::uint64_t> result;
+  if (!topics_[topic].latched || !topics_[topic].taken) return result;
+  const auto came = models_.find(topic);
+  for (const std::uint64_t id : named_models_)
+    if (came == models_.end() || !came->second.contains(id)) result.push_back(id);
+  return result;
 }
 
 // The frames of a topic that came, or failed before they could.
@@ -179,7 +192,10 @@ Completeness Tally::completeness() const {
     for (const auto& [topic, runs] : all)
       for (const auto& gap : gaps(runs, whole->frames)) counts[topic].missing.push_back(gap);
   }
-  for (std::size_t i = 0; i < topics_.size(); ++i) result.topics[topics_[i].name] = counts[i];
+  for (std::size_t i = 0; i < topics_.size(); ++i) {
+    counts[i].missing_models = missing_models(i);
+    result.topics[topics_[i].name] = counts[i];
+  }
   return result;
 }
 
@@ -189,6 +205,7 @@ bool Tally::has_whole_stream() const {
   if (!epoch.length) return false;
   if (*epoch.length == 0) return true;
   for (std::size_t i = 0; i < topics_.size(); ++i) {
+    if (!missing_models(i).empty()) return false;
     if (!topics_[i].has_frames()) continue;
     const Runs runs = present(epoch, i);
     if (runs.empty() || !gaps(runs, {id, runs.first(), *epoch.length - 1}).empty()) return false;

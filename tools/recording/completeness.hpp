@@ -1,14 +1,16 @@
 // Whether a recording holds everything, and if not, what is missing.
 //
 // Frames are counted without gaps by their source, and a frame that a stage could not finish is
-// announced as failed. So what a topic should hold is known: every sequence number of an epoch, but
-// for the frames that failed before they got there. A recording that began in the middle of a
-// stream, or ended there, is judged between the frames that all of its topics have.
+// announced as failed, and a frame names the model it was worked on with. So what a topic should
+// hold is known: every sequence number of an epoch, but for the frames that failed before they got
+// there. A recording that began in the middle of a stream, or ended there, is judged between the
+// frames that all of its topics have.
 #pragma once
 
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,8 +34,11 @@ struct Range {
 struct TopicCount {
   std::uint64_t messages = 0;
   std::uint64_t bytes = 0;
-  std::uint64_t lost = 0;      // came to the recorder, which had no room for them
-  std::vector<Range> missing;  // never came
+  std::uint64_t lost = 0;                     // came to the recorder, which had no room for them
+  std::vector<Range> missing;                 // frames that never came
+  std::vector<std::uint64_t> missing_models;  // their ids: frames name them, but they never came
+
+  bool has_all() const { return lost == 0 && missing.empty() && missing_models.empty(); }
 
   bool operator==(const TopicCount&) const = default;
 };
@@ -87,7 +92,7 @@ class Tally {
 
   // Without `ended` and `lost`.
   Completeness completeness() const;
-  // The newest epoch's stream is over, and every topic has all of its frames.
+  // The newest epoch's stream is over, and every topic has all of its frames and models.
   bool has_whole_stream() const;
 
  private:
@@ -97,6 +102,7 @@ class Tally {
     std::optional<std::uint64_t> length;  // of the stream
   };
 
+  std::vector<std::uint64_t> missing_models(std::size_t topic) const;
   Runs present(const Epoch& epoch, std::size_t topic) const;
   std::optional<Stretch> stretch(std::uint64_t id, const Epoch& epoch,
                                  const std::map<std::size_t, Runs>& present) const;
@@ -104,6 +110,8 @@ class Tally {
   std::vector<Topic> topics_;
   std::vector<TopicCount> counts_;
   std::map<std::uint64_t, Epoch> epochs_;
+  std::set<std::uint64_t> named_models_;                   // by frames
+  std::map<std::size_t, std::set<std::uint64_t>> models_;  // by topic: those that came
 };
 
 }  // namespace cosegraph::recording

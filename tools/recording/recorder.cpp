@@ -33,6 +33,7 @@ Recorder::Recorder(const graph::GraphDescription& graph, const graph::Catalog& c
       started_(Clock::now()),
       started_at_(wall_nanoseconds()),
       lost_(topics_.size()),
+      heard_(topics_.size()),
       source_(graph::source_of(graph, catalog).name),
       participant_(graph, graph.graph + "/recorder") {
   if (options.last)
@@ -66,6 +67,7 @@ void Recorder::receive(std::size_t topic, graph::Sample sample) {
       const auto state = idl::decode<idl::StageStatus>(*sample).state;
       source_finished_ = state == idl::State::finished || state == idl::State::failed;
     }
+    heard_[topic] = true;
     const std::uint64_t size = sample->size();
     if (queued_bytes_ + size > memory_ && !queue_.empty()) {
       ++lost_[topic];
@@ -146,7 +148,10 @@ bool Recorder::step(std::chrono::milliseconds patience) {
 
 Recorder::Progress Recorder::progress() const {
   const std::scoped_lock lock(mutex_);
-  return progress_;
+  Progress progress = progress_;
+  for (std::size_t i = 0; i < topics_.size(); ++i)
+    if (!heard_[i] && !topics_[i].is_control()) progress.silent.push_back(topics_[i].name);
+  return progress;
 }
 
 std::string Recorder::reason(const std::string& otherwise) const {

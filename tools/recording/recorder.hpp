@@ -45,6 +45,7 @@ class Recorder {
     std::uint64_t messages = 0;
     std::uint64_t bytes = 0;
     std::uint64_t lost = 0;
+    std::vector<std::string> silent;  // topics of stages from which nothing has come
   };
   Progress progress() const;
 
@@ -74,6 +75,7 @@ class Recorder {
   std::deque<Entry> queue_;
   std::uint64_t queued_bytes_ = 0;  // the entries at work included
   std::vector<std::uint64_t> lost_;
+  std::vector<bool> heard_;
   Progress progress_;
   bool source_finished_ = false;
   bool whole_ = false;  // has every frame of the stream

@@ -8,6 +8,7 @@
 #include <set>
 #include <thread>
 
+#include "graph/control.hpp"
 #include "graph/dds.hpp"
 #include "graph/control.hpp"
 #include "graph/runtime.hpp"

@@ -26,6 +26,15 @@ std::vector<std::string> upstream_of(const graph::GraphDescription& graph,
   return {seen.begin(), seen.end()};
 }
 
+bool is_taken(const graph::GraphDescription& graph, const std::string& stage,
+              const std::string& port) {
+  return std::ranges::any_of(graph.stages, [&](const graph::StageNode& node) {
+    return std::ranges::any_of(node.inputs, [&](const graph::Connection& input) {
+      return input.from_stage == stage && input.from_port == port;
+    });
+  });
+}
+
 }  // namespace
 
 std::vector<Topic> topics_of(const graph::GraphDescription& graph, const graph::Catalog& catalog) {
@@ -36,6 +45,7 @@ std::vector<Topic> topics_of(const graph::GraphDescription& graph, const graph::
                         .type = port.type,
                         .stage = node.name,
                         .latched = port.latched,
+                        .taken = is_taken(graph, node.name, port.name),
                         .upstream = upstream_of(graph, node.name)});
   for (const auto& [what, type] :
        {std::pair{"stage_status", "StageStatus"}, std::pair{"frame_failure", "FrameFailure"},
@@ -76,6 +86,7 @@ Texts to_metadata(const Topic& topic) {
   for (const auto& stage : topic.upstream) upstream += (upstream.empty() ? "" : " ") + stage;
   return {{"stage", topic.stage},
           {"latched", topic.latched ? "true" : "false"},
+          {"taken", topic.taken ? "true" : "false"},
           {"upstream", upstream}};
 }
 
@@ -87,8 +98,10 @@ Topic topic_of(const Channel& channel, const Schema& schema) {
                        key + "'");
     return found->second;
   };
-  Topic topic{
-      .name = channel.topic, .stage = value("stage"), .latched = value("latched") == "true"};
+  Topic topic{.name = channel.topic,
+              .stage = value("stage"),
+              .latched = value("latched") == "true",
+              .taken = value("taken") == "true"};
   if (!schema.name.starts_with(kWirePrefix))
     throw InputError("channel " + channel.topic + " has the unknown type " + schema.name);
   topic.type = schema.name.substr(kWirePrefix.size());

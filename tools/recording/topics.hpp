@@ -15,6 +15,7 @@ struct Topic {
   std::string type;   // "Cloud"
   std::string stage;  // that publishes; empty: all of them (control topics)
   bool latched = false;
+  bool taken = false;  // a stage of the graph reads it
   // Stages that can fail a frame before it gets here, the publishing one included.
   std::vector<std::string> upstream;
 
