@@ -18,6 +18,8 @@
 #include <map>
 #include <mutex>
 
+#include "graph/discovery.hpp"
+
 namespace cosegraph::graph {
 namespace {
 
@@ -116,7 +118,8 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
 
 template <class Qos>
 void set_common(Qos& qos, const EndpointQos& wanted) {
-  qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+  qos.reliability().kind =
+      wanted.reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
   qos.durability().kind =
       wanted.keep_for_late ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
@@ -165,7 +168,8 @@ struct Participant::Impl {
     const std::scoped_lock lock(mutex);
     auto& known = topics[name];
     if (known != nullptr) return known;
-    const std::string wire = idl::wire_type(type);
+    const bool is_foreign = type.find("::") != std::string_view::npos;
+    const std::string wire = is_foreign ? std::string(type) : idl::wire_type(type);
     dds::TypeSupport support(new EncodedType(wire));
     support.register_type(participant);
     known = participant->create_topic(name, wire, dds::TOPIC_QOS_DEFAULT);
@@ -230,18 +234,19 @@ class DdsReader final : public Reader {
 
 }  // namespace
 
-Participant::Participant(const GraphDescription& graph, const std::string& name)
+Participant::Participant(const GraphDescription& graph, const std::string& name,
+                         dds::DomainParticipantListener* listener)
     : impl_(std::make_unique<Impl>()) {
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   auto* factory = dds::DomainParticipantFactory::get_instance();
   impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                                   participant_qos(graph, name));
+                                                   participant_qos(graph, name), listener,
+                                                   dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;
-  const std::string partition =
-      graph.instance.empty() ? graph.graph : graph.graph + "." + graph.instance;
+  const std::string partition = partition_of(graph);
   publisher.partition().push_back(partition.c_str());
   dds::SubscriberQos subscriber;
   subscriber.partition().push_back(partition.c_str());

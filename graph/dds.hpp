@@ -17,11 +17,16 @@
 #include "graph/stage.hpp"
 #include "idl/codec.hpp"
 
+namespace eprosima::fastdds::dds {
+class DomainParticipantListener;
+}
+
 namespace cosegraph::graph {
 
 struct EndpointQos {
   int depth = 1;              // samples kept for late or slow readers
   bool keep_for_late = true;  // a reader that comes later gets the newest `depth` samples
+  bool reliable = true;       // what is lost on the way is sent again
 };
 
 class Writer {
@@ -45,10 +50,13 @@ class Reader {
 // Within one process messages are handed over directly, else they go by UDP.
 class Participant {
  public:
-  // Throws Error naming the domain if DDS cannot be started.
-  Participant(const GraphDescription& graph, const std::string& name);
+  // Throws Error naming the domain if DDS cannot be started. `listener`, who is told of other
+  // participants (see discovery.hpp), must outlive the participant.
+  Participant(const GraphDescription& graph, const std::string& name,
+              eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr);
   ~Participant();
 
+  // `type` is the name of one of our types ("Cloud"), or that of any other on the wire ("a::b::C").
   std::unique_ptr<Writer> writer(const std::string& topic, std::string_view type,
                                  const EndpointQos& qos);
   // `receive` is called from DDS threads (or from the writer's own, within a process), one sample

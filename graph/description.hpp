@@ -184,9 +184,25 @@ std::vector<std::string> downstream_of(const GraphDescription& graph, std::strin
 std::string topic_name(const GraphDescription& graph, std::string_view stage,
                        std::string_view port);
 
+// What a drawing shows of a running graph.
+struct LiveStage {
+  enum class Mood { idle, busy, wrong };
+  Mood mood = Mood::idle;
+  std::string state;  // "working"
+  std::vector<std::string> figures;
+};
+struct Overlay {
+  std::string title;  // behind the graph's name
+  std::map<std::string, LiveStage> stages;   // a stage that is missing here is drawn as absent
+  std::map<std::string, std::string> topics;  // text under the message type, by topic_name()
+};
+
 // Graphviz source: stages as boxes with kind, host and the parameters that differ from their
-// defaults, edges with message types, latched edges dashed, the legend below.
-std::string to_dot(const GraphDescription& graph, const Catalog& catalog);
+// defaults, edges with message types, latched edges dashed, the legend below. With an overlay
+// states and figures stand in the boxes in place of the parameters, and the boxes' frames tell who
+// is at work and what is wrong.
+std::string to_dot(const GraphDescription& graph, const Catalog& catalog,
+                   const Overlay* overlay = nullptr);
 
 // JSON schema (draft 2020-12) of graph files for editors.
 std::string json_schema(const Catalog& catalog);

@@ -22,6 +22,10 @@ void add_graph_commands(CLI::App& app, const Choose& choose);      // check draw
 void add_agent_commands(CLI::App& app, const Choose& choose);      // agent ps logs start stop ...
 void add_recording_commands(CLI::App& app, const Choose& choose);  // record info
 void add_replay_commands(CLI::App& app, const Choose& choose);     // replay compare
+void add_topic_commands(CLI::App& app, const Choose& choose);      // topic list info echo hz ...
+void add_top_command(CLI::App& app, const Choose& choose);         // top
+void add_why_command(CLI::App& app, const Choose& choose);         // why
+void add_doctor_command(CLI::App& app, const Choose& choose);      // doctor
 
 // Every kind of stage that this program was built with.
 const graph::StageTable& stage_table();

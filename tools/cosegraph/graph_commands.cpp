@@ -13,6 +13,7 @@
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/hosts.hpp"
 #include "tools/cosegraph/run_graph.hpp"
+#include "tools/cosegraph/watching.hpp"
 
 namespace cosegraph::tools {
 namespace {
@@ -52,9 +53,7 @@ std::string render_dot(const std::string& dot, const std::string& format) {
   return io::read_file(folder / "picture");
 }
 
-int draw_graph(const std::string& file, const std::string& output) {
-  const graph::Catalog known = catalog();
-  const std::string dot = graph::to_dot(graph::load(file, known), known);
+void write_drawing(const std::string& dot, const std::string& output) {
   const std::string format = fs::path(output).extension().string();
   if (format == ".dot")
     io::write_file(output, dot);
@@ -62,6 +61,35 @@ int draw_graph(const std::string& file, const std::string& output) {
     io::write_file(output, render_dot(dot, format.substr(1)));
   else
     throw ParameterError("-o " + output + ": the extension must be .svg, .png, .pdf or .dot");
+}
+
+int draw_graph(const std::string& file, const std::string& output) {
+  const graph::Catalog known = catalog();
+  write_drawing(graph::to_dot(graph::load(file, known), known), output);
+  return 0;
+}
+
+struct LiveDrawing {
+  Watched watched;
+  std::string output;
+  bool live = false;
+  double every = 0.0;  // s; 0: once
+};
+
+// Draws a running graph, again and again if so wanted.
+int draw_running(const LiveDrawing& drawing) {
+  const graph::GraphDescription graph = drawing.watched.find();
+  const graph::Catalog known = catalog();
+  const StopSignals signals;
+  graph::Observer observer(graph);
+  do {
+    const graph::Overlay overlay =
+        overlay_of(graph, look_twice(observer, graph, drawing.watched.patience()));
+    if (overlay.stages.empty())
+      throw Error("graph '" + graph.graph + "': no stage is heard; see 'cosegraph doctor'");
+    write_drawing(graph::to_dot(graph, known, &overlay), drawing.output);
+  } while (drawing.every > 0.0 &&
+           pause(signals, std::chrono::milliseconds(static_cast<long>(1000 * drawing.every))));
   return 0;
 }
 
@@ -209,11 +237,27 @@ void add_graph_commands(CLI::App& app, const Choose& choose) {
   check->callback([=] { choose([=] { return check_graph(*file); }); });
 
   auto* draw = app.add_subcommand("draw", "Draws a graph file with Graphviz");
-  auto output = std::make_shared<std::string>();
-  draw->add_option("graph", *file, "graph file")->required();
-  draw->add_option("-o,--output", *output, "picture: .svg, .png, .pdf or .dot")->required();
-  draw->footer("Example:\n  cosegraph draw config/graphs/segment.yaml -o segment.svg");
-  draw->callback([=] { choose([=] { return draw_graph(*file, *output); }); });
+  auto drawing = std::make_shared<LiveDrawing>();
+  draw->add_option("graph", *file, "graph file, or with --live name of a running graph")
+      ->required();
+  draw->add_option("-o,--output", drawing->output, "picture: .svg, .png, .pdf or .dot")->required();
+  auto* live = draw->add_flag("--live", drawing->live,
+                              "as it runs: states, rates and counts of stages and edges");
+  draw->add_option("--every", drawing->every, "draw again every so many seconds, until Ctrl-C")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->needs(live);
+  draw->add_option("--instance", drawing->watched.instance, "which of several runs of it")
+      ->needs(live);
+  add_timeout(*draw, drawing->watched, 3.0, "how long to wait for stages that are not heard");
+  draw->footer(
+      "Example:\n  cosegraph draw config/graphs/segment.yaml -o segment.svg\n"
+      "  cosegraph draw segment --live --every 1 -o live.svg");
+  draw->callback([=] {
+    choose([=] {
+      drawing->watched.graph = *file;
+      return drawing->live ? draw_running(*drawing) : draw_graph(*file, drawing->output);
+    });
+  });
 
   const auto add_run = [&](const char* name, const char* what, bool one_process) {
     auto* command = app.add_subcommand(name, what);
