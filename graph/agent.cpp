@@ -123,6 +123,8 @@ class Agent::Impl {
       if (swap_) step_swap();
       if (!recovered_ && Clock::now() - began_ > kRecoverAfter) recover();
       for (const auto& order : std::exchange(leftover_orders_, {})) send(order);
+      if (recovered_)
+        for (const auto& command : std::exchange(postponed_, {})) obey(command);
       if (!changed.empty() || Clock::now() - published_ >= kStatusPeriod) publish_status();
     } while (!down_ && Clock::now() < until);
   }
@@ -477,7 +479,10 @@ class Agent::Impl {
   }
 
   void begin_swap(const idl::Command& command) {
-    if (!recovered_) throw Error("busy: this agent has just taken over, try again in a moment");
+    if (!recovered_) {  // this agent has just taken over: it knows more in a moment
+      postponed_.push_back(command);
+      return;
+    }
     if (swap_) throw Error("busy: " + swap_->request().stage + " is being swapped");
     SwapRequest request{.stage = command.stage};
     request.graph = changed_graph(command, request.dry_run);
@@ -587,6 +592,7 @@ class Agent::Impl {
   const Clock::time_point began_ = Clock::now();
   bool recovered_ = false;
   std::vector<idl::Command> leftover_orders_;
+  std::vector<idl::Command> postponed_;  // swaps that were asked for before recover()
   std::string failure_;
   bool down_ = false;
   bool left_ = false;
