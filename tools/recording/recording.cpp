@@ -150,8 +150,13 @@ graph::GraphDescription graph_in(const McapReader& reader) {
 }
 
 Completeness completeness_in(const McapReader& reader) {
-  const auto metadata = reader.metadata(kCompletenessName);
-  if (metadata) return completeness_of(*metadata);
+  if (const auto metadata = reader.metadata(kCompletenessName)) {
+    try {
+      return completeness_of(*metadata);
+    } catch (const InputError& error) {
+      throw InputError(reader.file().string() + ": " + error.what());
+    }
+  }
   const std::map<std::uint16_t, Topic> topics = topics_in(reader);
   std::map<std::uint16_t, std::size_t> index;
   std::vector<Topic> all;
