@@ -32,13 +32,6 @@ constexpr auto kForgetAfter = 30s;      // statuses of processes that are no mor
 constexpr auto kRecoverAfter = 1500ms;  // time for statuses of all processes to be heard
 constexpr std::size_t kReportsKept = 50'000;
 
-GraphDescription parse_text(const std::string& yaml) {
-  std::vector<Fault> faults;
-  GraphDescription graph = parse(yaml, "graph", faults);
-  if (!faults.empty()) throw GraphError(std::move(faults));
-  return graph;
-}
-
 // "NAME=VALUE"
 std::pair<std::string, std::string> split_setting(const std::string& text) {
   const std::size_t equals = text.find('=');
@@ -146,7 +139,7 @@ class Agent::Impl {
 
   // The run goes on as it was, with what has been swapped.
   void adopt_graph() {
-    GraphDescription graph = parse_text(io::read_file(folder_.path() / "graph.yaml"));
+    GraphDescription graph = parse(io::read_file(folder_.path() / "graph.yaml"), "graph");
     graph.file = graph_.file;
     graph_ = std::move(graph);
   }
@@ -362,7 +355,7 @@ class Agent::Impl {
   void launch(const idl::Command& command) {
     // An agent that is new hears what its peers have ordered before; generations only grow.
     if (command.generation <= supervisor_.newest_generation(command.stage)) return;
-    GraphDescription graph = parse_text(command.words.at(0));
+    GraphDescription graph = parse(command.words.at(0), "graph");
     graph.instance = graph_.instance;
     graph.file = graph_.file;
     for (std::size_t i = 1; i < command.words.size(); ++i)
@@ -390,7 +383,7 @@ class Agent::Impl {
   }
 
   void take_graph(const idl::Command& command) {
-    GraphDescription graph = parse_text(command.words.at(0));
+    GraphDescription graph = parse(command.words.at(0), "graph");
     graph.instance = graph_.instance;
     graph.file = graph_.file;
     graph_ = std::move(graph);

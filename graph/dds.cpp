@@ -240,9 +240,9 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                                   participant_qos(graph, name), listener,
-                                                   dds::StatusMask::none());
+  impl_->participant =
+      factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
+                                  participant_qos(graph, name), listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;

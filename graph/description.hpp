@@ -8,6 +8,7 @@
 #include <compare>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -142,6 +143,9 @@ constexpr std::string_view kNamePattern = "[a-z][a-z0-9_-]*";
 // is left at its default.
 GraphDescription parse(std::string_view yaml, const std::string& file, std::vector<Fault>& faults);
 
+// The same. Throws GraphError with every fault.
+GraphDescription parse(std::string_view yaml, const std::string& file);
+
 // Everything that needs to know the kinds of stages, in the order of the file: wiring, parameters,
 // hosts, executables. A stage of unknown kind is one fault; nothing is said about its ports then.
 // Executables are looked for only where they would run on this machine: stages without a host, or
@@ -176,6 +180,9 @@ const StageNode& source_of(const GraphDescription& graph, const Catalog& catalog
 // have said so. In the file's order.
 std::vector<std::string> leaves_of(const GraphDescription& graph, const Catalog& catalog);
 
+// `stage` and all stages that it depends on, along edges of any kind, by name.
+std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage);
+
 // Names of all stages downstream of `stage` along frame edges, in the file's order.
 std::vector<std::string> downstream_of(const GraphDescription& graph, std::string_view stage,
                                        const Catalog& catalog);
@@ -192,8 +199,8 @@ struct LiveStage {
   std::vector<std::string> figures;
 };
 struct Overlay {
-  std::string title;  // behind the graph's name
-  std::map<std::string, LiveStage> stages;   // a stage that is missing here is drawn as absent
+  std::string title;                          // behind the graph's name
+  std::map<std::string, LiveStage> stages;    // a stage that is missing here is drawn as absent
   std::map<std::string, std::string> topics;  // text under the message type, by topic_name()
 };
 

@@ -63,7 +63,7 @@ Remote::Remote(const GraphDescription& graph) : impl_(std::make_unique<Impl>(gra
 
 Remote::~Remote() = default;
 
-const Observer& Remote::observer() const {
+Observer& Remote::observer() {
   return impl_->observer;
 }
 

@@ -24,7 +24,7 @@ class Remote {
   // of the graph file answer.
   std::map<std::string, ObservedAgent> agents(std::chrono::milliseconds patience);
   // The newest of every process and every failure seen so far.
-  const Observer& observer() const;
+  Observer& observer();
 
   // Sends an order to the agent of `command.host` and waits for its end; the id is filled in.
   // Progress is passed on. Throws Error if the order is refused (its text tells why) or nobody

@@ -84,13 +84,6 @@ std::string names_of(const std::vector<Run>& runs) {
   return text;
 }
 
-GraphDescription parse_file(const fs::path& file) {
-  std::vector<Fault> faults;
-  GraphDescription graph = parse(io::read_file(file), file.string(), faults);
-  if (!faults.empty()) throw GraphError(std::move(faults));
-  return graph;
-}
-
 }  // namespace
 
 fs::path runtime_folder() {
@@ -122,7 +115,7 @@ GraphDescription find_run(const RunQuery& query) {
   std::error_code error;
   const bool is_file = fs::is_regular_file(query.graph, error);
   GraphDescription described;
-  if (is_file) described = parse_file(query.graph);
+  if (is_file) described = parse(io::read_file(query.graph), query.graph);
   const std::string name = is_file ? described.graph : query.graph;
 
   const std::vector<Run> all = live_runs();
@@ -140,7 +133,8 @@ GraphDescription find_run(const RunQuery& query) {
         (name.empty() ? "several graphs run here: " : "several runs of '" + name + "': ") +
         names_of(matching) + "; choose one with --graph or --instance");
   if (matching.size() == 1) {
-    GraphDescription graph = parse_file(matching[0].folder / "graph.yaml");
+    const fs::path file = matching[0].folder / "graph.yaml";
+    GraphDescription graph = parse(io::read_file(file), file.string());
     graph.instance = matching[0].instance;
     return graph;
   }

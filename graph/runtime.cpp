@@ -36,20 +36,6 @@ constexpr auto kHoldPatience = 15s;   // drained, and nobody has taken the place
 constexpr std::uint32_t kDeathsOfAFrame = 2;
 constexpr int kCommandDepth = 16;
 
-// Everything that `stage` depends on, itself included.
-std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage) {
-  std::set<std::string> result;
-  std::vector<std::string> todo{stage};
-  while (!todo.empty()) {
-    const std::string name = todo.back();
-    todo.pop_back();
-    if (!result.insert(name).second) continue;
-    if (const StageNode* node = graph.stage(name))
-      for (const auto& input : node->inputs) todo.push_back(input.from_stage);
-  }
-  return result;
-}
-
 // How many processes read an output.
 int consumers_of(const GraphDescription& graph, const std::string& stage, const std::string& port) {
   int count = 0;

@@ -10,16 +10,6 @@
 #include "io/file.hpp"
 
 namespace cosegraph::graph {
-namespace {
-
-GraphDescription read_graph(const std::string& file) {
-  std::vector<Fault> faults;
-  GraphDescription graph = parse(io::read_file(file), file, faults);
-  if (!faults.empty()) throw GraphError(std::move(faults));
-  return graph;
-}
-
-}  // namespace
 
 int stage_main(int argc, char** argv, const std::string& kind, const StageFactory& make) {
   CLI::App app("One stage of a cosegraph graph: " + make()->summary());
@@ -56,7 +46,7 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
   sigaddset(&signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   try {
-    GraphDescription graph = read_graph(file);
+    GraphDescription graph = parse(io::read_file(file), file);
     graph.instance = instance;
     const StageNode* node = graph.stage(name);
     if (node == nullptr) throw ParameterError(file + ": there is no stage '" + name + "'");

@@ -74,13 +74,6 @@ std::string option(const std::vector<std::string>& words, std::string_view name)
   return "";
 }
 
-GraphDescription parse_file(const fs::path& file) {
-  std::vector<Fault> faults;
-  GraphDescription graph = parse(io::read_file(file), file.string(), faults);
-  if (!faults.empty()) throw GraphError(std::move(faults));
-  return graph;
-}
-
 }  // namespace
 
 Supervisor::Supervisor(SupervisorOptions options, Output output)
@@ -120,11 +113,12 @@ std::size_t Supervisor::adopt() {
                     .state = ProcessState::running};
     process.pidfd = pidfd_open(pid);
     if (process.pidfd < 0) continue;
-    process.graph = parse_file(option(words, "--graph"));
+    const std::string file = option(words, "--graph");
+    process.graph = parse(io::read_file(file), file);
     process.graph.instance = option(words, "--instance");
     process.info.candidate = std::ranges::find(words, "--standby") != words.end();
     process.started = Clock::now();
-    open_log(process, true);
+    open_log(process);
     processes_.push_back(std::move(process));
   }
   // A candidate that has taken its place is one no longer; what it replaced is gone, or going.
@@ -202,7 +196,7 @@ void Supervisor::start(Process& process) {
   const std::string log_file = file_of(process, "log").string();
   const int log = ::open(log_file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
   if (log < 0) throw InputError(log_file + ": " + std::strerror(errno));
-  open_log(process, true);
+  open_log(process);
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
   if (pid < 0) {
@@ -245,10 +239,11 @@ void Supervisor::set_state(Process& process, ProcessState state, const std::stri
 
 // -- logs ----------------------------------------------------------------------------------------
 
-void Supervisor::open_log(Process& process, bool from_end) {
+// What stands in it already has been passed on.
+void Supervisor::open_log(Process& process) {
   if (process.log >= 0) return;
   process.log = ::open(file_of(process, "log").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-  if (process.log >= 0 && from_end) ::lseek(process.log, 0, SEEK_END);
+  if (process.log >= 0) ::lseek(process.log, 0, SEEK_END);
 }
 
 void Supervisor::read_log(Process& process) {

@@ -89,7 +89,7 @@ class Supervisor {
   std::filesystem::path file_of(const Process& process, std::string_view extension) const;
   std::string program_of(const StageNode& node) const;
   void start(Process& process);
-  void open_log(Process& process, bool from_end);
+  void open_log(Process& process);
   void read_log(Process& process);
   void note_exit(Process& process, const std::string& how);
   void set_state(Process& process, idl::ProcessState state, const std::string& text);

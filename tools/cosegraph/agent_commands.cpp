@@ -18,6 +18,7 @@
 #include "tools/cosegraph/hosts.hpp"
 #include "tools/cosegraph/run_graph.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
+#include "tools/cosegraph/watching.hpp"
 
 namespace cosegraph::tools {
 namespace {
@@ -85,35 +86,14 @@ double seconds_since(Clock::time_point time) {
 }
 
 // Two looks at every process, so that its use of the CPU can be told.
-std::vector<Row> look(graph::Remote& remote) {
+std::vector<Row> look(graph::Remote& remote, const graph::GraphDescription& graph) {
   remote.agents(kAgentPatience);
-  std::this_thread::sleep_for(300ms);
-  const auto before = remote.observer().stages();
-  std::this_thread::sleep_for(600ms);
+  const Looks looks = look_twice(remote.observer(), graph, 1500ms);
+  const auto loads = graph::loads_of(looks.before, looks.now);
   std::vector<Row> rows;
-  for (const auto& [name, seen] : remote.observer().stages()) {
-    Row row{.process = name, .now = seen};
-    const auto earlier = before.find(name);
-    if (earlier != before.end() && earlier->second.status.pid == seen.status.pid) {
-      const double span = std::chrono::duration<double>(seen.heard - earlier->second.heard).count();
-      if (span > 0.0)
-        row.cpu = (seen.status.cpu_seconds - earlier->second.status.cpu_seconds) / span;
-    }
-    rows.push_back(std::move(row));
-  }
+  for (const auto& [name, seen] : looks.now)
+    rows.push_back({.process = name, .now = seen, .cpu = loads.at(name).cpu});
   return rows;
-}
-
-std::string state_text(const Row& row) {
-  std::string text(to_name(row.now.status.state));
-  const bool over =
-      row.now.status.state == idl::State::failed || row.now.status.state == idl::State::stopped;
-  if (!over && Clock::now() - row.now.heard > kSilentAfter) {
-    char silent[32];
-    std::snprintf(silent, sizeof silent, ", silent %.1f s", seconds_since(row.now.heard));
-    text += silent;
-  }
-  return text;
 }
 
 // How a message gets from one process to the other.
@@ -205,7 +185,7 @@ void print_rows(const std::vector<Row>& rows) {
     const idl::StageStatus& status = row.now.status;
     std::printf("%-16s %-12s %-10s %7u %4u %-22s %8llu %6llu %6llu %9.1f %9.1f %4.0f%% %4llu MB\n",
                 row.process.c_str(), status.kind.c_str(), status.host.c_str(), status.pid,
-                row.now.header.generation, state_text(row).c_str(),
+                row.now.header.generation, state_text(row.now).c_str(),
                 static_cast<unsigned long long>(status.frames_out),
                 static_cast<unsigned long long>(status.frames_failed),
                 static_cast<unsigned long long>(status.queue), status.latency_median,
@@ -225,7 +205,7 @@ int list_processes(const Target& target, bool edges) {
   }
   const graph::GraphDescription graph = target.find();
   graph::Remote remote(graph);
-  const std::vector<Row> rows = look(remote);
+  const std::vector<Row> rows = look(remote, graph);
   const auto agents = remote.agents(0ms);
   if (target.json) {
     std::cout << ps_json(graph, agents, rows).dump(2) << '\n';
@@ -249,14 +229,6 @@ int list_processes(const Target& target, bool edges) {
 }
 
 // -- orders --------------------------------------------------------------------------------------
-
-void require_stage(const graph::GraphDescription& graph, const std::string& stage) {
-  if (graph.stage(stage) != nullptr) return;
-  std::vector<std::string> names;
-  for (const auto& node : graph.stages) names.push_back(node.name);
-  throw ParameterError("graph '" + graph.graph + "' has no stage '" + stage + "'" +
-                       did_you_mean(stage, names));
-}
 
 std::map<std::string, graph::ObservedAgent> require_agents(graph::Remote& remote,
                                                            const graph::GraphDescription& graph) {

@@ -128,7 +128,7 @@ Looks look_twice(graph::Observer& observer, const graph::GraphDescription& graph
 
 namespace {
 
-constexpr auto kSilentAfter = 2s;  // statuses come several times a second
+constexpr auto kSilentAfter = 1s;  // statuses come several times a second
 
 bool is_over(idl::State state) {
   return state == idl::State::failed || state == idl::State::stopped;

@@ -142,11 +142,7 @@ std::map<std::uint16_t, Topic> topics_in(const McapReader& reader) {
 graph::GraphDescription graph_in(const McapReader& reader) {
   const auto attached = reader.attachment(kGraphName);
   if (!attached) throw InputError(reader.file().string() + ": no graph file is attached");
-  std::vector<graph::Fault> faults;
-  graph::GraphDescription graph =
-      graph::parse(attached->data, reader.file().string() + "/" + std::string(kGraphName), faults);
-  if (!faults.empty()) throw graph::GraphError(std::move(faults));
-  return graph;
+  return graph::parse(attached->data, reader.file().string() + "/" + std::string(kGraphName));
 }
 
 Completeness completeness_in(const McapReader& reader) {

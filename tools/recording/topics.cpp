@@ -11,21 +11,6 @@ namespace {
 
 constexpr std::string_view kWirePrefix = "cosegraph::msg::";
 
-// `stage` and every stage that frames pass before it.
-std::vector<std::string> upstream_of(const graph::GraphDescription& graph,
-                                     const std::string& stage) {
-  std::set<std::string> seen;
-  std::vector<std::string> open{stage};
-  while (!open.empty()) {
-    const std::string name = open.back();
-    open.pop_back();
-    const graph::StageNode* node = graph.stage(name);
-    if (node == nullptr || !seen.insert(name).second) continue;
-    for (const auto& input : node->inputs) open.push_back(input.from_stage);
-  }
-  return {seen.begin(), seen.end()};
-}
-
 bool is_taken(const graph::GraphDescription& graph, const std::string& stage,
               const std::string& port) {
   return std::ranges::any_of(graph.stages, [&](const graph::StageNode& node) {
@@ -39,14 +24,16 @@ bool is_taken(const graph::GraphDescription& graph, const std::string& stage,
 
 std::vector<Topic> topics_of(const graph::GraphDescription& graph, const graph::Catalog& catalog) {
   std::vector<Topic> topics;
-  for (const auto& node : graph.stages)
+  for (const auto& node : graph.stages) {
+    const auto upstream = graph::upstream_of(graph, node.name);
     for (const auto& port : graph::info_of(node, catalog).outputs)
       topics.push_back({.name = graph::topic_name(graph, node.name, port.name),
                         .type = port.type,
                         .stage = node.name,
                         .latched = port.latched,
                         .taken = is_taken(graph, node.name, port.name),
-                        .upstream = upstream_of(graph, node.name)});
+                        .upstream = {upstream.begin(), upstream.end()}});
+  }
   for (const auto& [what, type] :
        {std::pair{"stage_status", "StageStatus"}, std::pair{"frame_failure", "FrameFailure"},
         std::pair{"frame_done", "FrameDone"}, std::pair{"stream_end", "StreamEnd"}})
