@@ -46,6 +46,24 @@ fs::path folder_of(std::string_view graph, std::string_view instance, std::strin
          (host.empty() ? kWhole : host);
 }
 
+// While one lives nobody else makes or removes folders of runs.
+class FolderLock {
+ public:
+  FolderLock()
+      : file_(::open((runtime_folder() / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600)) {
+    if (file_ < 0)
+      throw InputError((runtime_folder() / "lock").string() + ": " + std::strerror(errno));
+    while (::flock(file_, LOCK_EX) != 0 && errno == EINTR) {
+    }
+  }
+  ~FolderLock() { ::close(file_); }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int file_;
+};
+
 // Whether somebody holds the lock of a run's folder.
 bool is_kept(const fs::path& folder) {
   const int fd = ::open((folder / "keeper").c_str(), O_RDONLY | O_CLOEXEC);
@@ -146,22 +164,17 @@ GraphDescription find_run(const RunQuery& query) {
 
 RunFolder::RunFolder(const GraphDescription& graph, std::string_view host)
     : path_(folder_of(graph.graph, graph.instance, host)) {
+  const FolderLock alone;
   remove_abandoned(runtime_folder() / graph.graph);
+  make_private(path_);
   const fs::path keeper = path_ / "keeper";
-  while (lock_ < 0) {
-    make_private(path_);
-    lock_ = ::open(keeper.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    if (lock_ < 0) throw InputError(keeper.string() + ": " + std::strerror(errno));
-    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
-      ::close(lock_);
-      throw Error("graph '" + graph.graph + "'" +
-                  (host.empty() ? "" : ", host '" + std::string(host) + "'") +
-                  ": is run already by another process, see 'cosegraph ps'");
-    }
-    // Somebody may have taken the folder for an abandoned one before it was locked.
-    if (fs::exists(keeper)) break;
+  lock_ = ::open(keeper.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (lock_ < 0) throw InputError(keeper.string() + ": " + std::strerror(errno));
+  if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock_);
-    lock_ = -1;
+    throw Error("graph '" + graph.graph + "'" +
+                (host.empty() ? "" : ", host '" + std::string(host) + "'") +
+                ": is run already by another process, see 'cosegraph ps'");
   }
   const std::string pid = std::to_string(::getpid()) + "\n";
   if (::ftruncate(lock_, 0) != 0 ||
@@ -173,10 +186,15 @@ RunFolder::RunFolder(const GraphDescription& graph, std::string_view host)
 
 RunFolder::~RunFolder() {
   if (discard_) {
-    std::error_code error;
-    fs::remove_all(path_, error);
-    fs::remove(path_.parent_path(), error);  // if it is empty
-    fs::remove(path_.parent_path().parent_path(), error);
+    try {
+      const FolderLock alone;
+      std::error_code error;
+      fs::remove_all(path_, error);
+      fs::remove(path_.parent_path(), error);  // if it is empty
+      fs::remove(path_.parent_path().parent_path(), error);
+    } catch (const Error&) {
+      // The next run cleans up.
+    }
   }
   ::close(lock_);
 }
