@@ -59,7 +59,10 @@ Peer peer_of(const rtps::ParticipantProxyData& proxy) {
             .name = proxy.m_participantName.to_string(),
             .lease = seconds(proxy.m_leaseDuration)};
   for (const auto& property : proxy.m_properties) {
-    if (property.first() == dds::parameter_policy_physical_data_host) peer.host = property.second();
+    if (property.first() == dds::parameter_policy_physical_data_host) {
+      const std::string host = property.second();  // "NAME:HASH"
+      peer.host = host.substr(0, host.rfind(':'));
+    }
     if (property.first() == dds::parameter_policy_physical_data_user) peer.user = property.second();
     if (property.first() == dds::parameter_policy_physical_data_process)
       peer.process = property.second();

@@ -168,6 +168,7 @@ class Walk {
 
   // Type, keys, partition and every policy, each a link of its own.
   void policies() {
+    if (writers_.empty() || readers_.empty()) return unknown("match", "one side is missing");
     const std::vector<std::string> reasons = this->reasons();
     for (const std::string policy :
          {"type", "keys", "partition", "reliability", "durability", "deadline", "ownership",
@@ -176,14 +177,10 @@ class Walk {
           reasons, [&](const std::string& text) { return text.starts_with(policy + ": "); });
       if (reason != reasons.end())
         broken(policy, reason->substr(policy.size() + 2), policy_remedy(policy));
-      else if (writers_.empty() || readers_.empty())
-        unknown(policy, "one side is missing");
       else
         fine(policy, agreement(policy));
     }
-    if (writers_.empty() || readers_.empty())
-      unknown("match", "one side is missing");
-    else if (reasons.empty())
+    if (reasons.empty())
       fine("match", "writer and reader match");
     else
       broken("match", "writer and reader do not match", "see above");

@@ -35,7 +35,8 @@ struct Question {
   std::chrono::steady_clock::time_point now;
 };
 
-// In the order of the way of a message. Links behind a broken one are judged as far as they can be.
+// In the order of the way of a message. Links behind a broken one are judged as far as they can be;
+// type and policies are links of their own where both sides are there.
 std::vector<Link> links_of(const Question& question);
 
 // Null: none.

@@ -347,10 +347,11 @@ void check_agent(Report& report, graph::Remote& remote, const std::string& host)
 void check_run(Report& report, const graph::GraphDescription& graph,
                std::chrono::milliseconds patience) {
   graph::DomainWatch watch(graph);
+  graph::Observer observer(graph);
   graph::Remote remote(graph);
+  const auto stages = look_twice(observer, graph, patience).now;
   const auto agents = remote.agents(patience);
   const graph::Domain domain = watch.domain();
-  const auto stages = remote.observer().stages();
   if (stages.empty() && agents.empty())
     return report.note("run",
                        "nothing is heard of it in DDS domain " + std::to_string(graph.dds.domain) +
@@ -364,10 +365,15 @@ void check_run(Report& report, const graph::GraphDescription& graph,
         ++silent;
         report.wrong("run", name + " is not heard", "cosegraph ps; cosegraph logs " + stage.name);
       }
-  for (const auto& [name, seen] : stages)
+  for (const auto& [name, seen] : stages) {
+    const std::string logs = "cosegraph logs " + seen.header.stage;
     if (seen.status.state == idl::State::failed)
-      report.wrong("run", name + " has failed: " + seen.status.activity,
-                   "cosegraph logs " + seen.header.stage);
+      report.wrong("run", name + " has failed: " + seen.status.activity, logs);
+    else if (seen.status.state == idl::State::stopped)
+      report.note("run", name + " was stopped", "cosegraph start " + seen.header.stage);
+    else if (is_silent(seen))
+      report.wrong("run", name + " is " + state_text(seen), "cosegraph ps; " + logs);
+  }
   if (silent == 0) report.fine("run", "all " + std::to_string(stages.size()) + " stages are heard");
   for (const auto& [host, agent] : agents) check_agent(report, remote, host);
   if (!agents.empty())

@@ -25,8 +25,21 @@ using Json = nlohmann::ordered_json;
 // Everybody whom the graph file promises, or who is there when patience ends.
 graph::Domain domain_of(graph::DomainWatch& watch, const graph::GraphDescription& graph,
                         std::chrono::milliseconds patience) {
-  return watch.wait(patience,
-                    [&](const graph::Domain& now) { return graph::is_complete(now, graph); });
+  constexpr auto kQuiet = std::chrono::milliseconds(400);
+  const auto until = std::chrono::steady_clock::now() + patience;
+  graph::Domain domain = watch.wait(
+      patience, [&](const graph::Domain& now) { return graph::is_complete(now, graph); });
+  // Others are found in any order, and somebody's endpoints after it.
+  for (bool news = true; news && std::chrono::steady_clock::now() < until;) {
+    const auto is_new = [&](const graph::Domain& now) {
+      return now.peers.size() + now.endpoints.size() !=
+             domain.peers.size() + domain.endpoints.size();
+    };
+    graph::Domain later = watch.wait(kQuiet, is_new);
+    news = is_new(later);
+    domain = std::move(later);
+  }
+  return domain;
 }
 
 bool is_in_run(const graph::Endpoint& endpoint, const graph::GraphDescription& graph) {
@@ -262,7 +275,15 @@ class Listening {
 
   const std::string& type() const { return type_; }
   const Topic& topic() const { return topic_; }
-  graph::Domain domain() const { return watch_.domain(); }
+  // Of the participant that bears this name in the run; none if it is not found.
+  std::optional<graph::Peer> peer(const std::string& name, std::chrono::milliseconds patience) {
+    const auto is_it = [&](const auto& entry) { return entry.second.name == name; };
+    const graph::Domain domain = watch_.wait(
+        patience, [&](const graph::Domain& now) { return std::ranges::any_of(now.peers, is_it); });
+    const auto found = std::ranges::find_if(domain.peers, is_it);
+    if (found == domain.peers.end()) return std::nullopt;
+    return found->second;
+  }
   int writers() const { return reader_->matched(); }
 
   std::optional<Arrival> next(std::chrono::milliseconds patience) {
@@ -431,8 +452,10 @@ int measure_traffic(const Watched& watched, double window, Measure measure) {
     const bool measured = found != traffic.end() && found->second.span > 0.0;
     if (measured) {
       heard = Clock::now();
-      print_traffic(topic.name, found->second, measure, watched.json);
-      if (watched.once && found->second.span >= window - 0.6) return 0;
+      // Statuses come several times a second, so that the window is full a little early.
+      const bool full = found->second.span >= window - 0.6;
+      if (full || !watched.once) print_traffic(topic.name, found->second, measure, watched.json);
+      if (full && watched.once) return 0;
     } else if (Clock::now() - heard > watched.patience()) {
       throw Error(topic.name + ": no news from the stage that writes it; see 'cosegraph ps'");
     }
@@ -447,12 +470,11 @@ int measure_traffic(const Watched& watched, double window, Measure measure) {
 // -- delay ---------------------------------------------------------------------------------------
 
 // The host of the graph file whose clock stamps the frames: the source's.
-ClockOffset clock_of_source(const graph::GraphDescription& graph, const graph::Domain& domain) {
+ClockOffset clock_of_source(const graph::GraphDescription& graph, Listening& listening) {
   const graph::StageNode& source = graph::source_of(graph, graph::catalog_of(stage_table()));
-  const std::string name = graph.graph + "/" + source.name;
-  for (const auto& [guid, peer] : domain.peers)
-    if (peer.name == name && peer.on_this_machine)
-      return {.host = source.host, .known = true, .how = "the source runs on this machine"};
+  const auto peer = listening.peer(graph.graph + "/" + source.name, 2s);
+  if (peer && peer->on_this_machine)
+    return {.host = source.host, .known = true, .how = "it runs on this machine"};
   graph::Remote remote(graph);
   remote.agents(2s);
   return ask_clock(remote, source.host);
@@ -509,7 +531,7 @@ int measure_delay(const Watched& watched) {
   Listening listening(graph, watched.name(), watched.timeout > 0.0 ? watched.patience() : 3s);
   if (listening.topic().is_control || listening.topic().latched || listening.topic().type.empty())
     throw ParameterError("'" + watched.name() + "' carries no frames");
-  const ClockOffset offset = clock_of_source(graph, listening.domain());
+  const ClockOffset offset = clock_of_source(graph, listening);
   if (!watched.json) std::cout << offset_text(offset) << std::endl;
   Delays delays;
   auto told = Clock::now();

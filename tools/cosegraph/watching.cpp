@@ -23,19 +23,14 @@ graph::GraphDescription Watched::find() const {
 }
 
 void add_watched(CLI::App& command, Watched& watched, const std::string& what) {
-  if (what.empty())
-    command.add_option("graph", watched.graph,
-                       "graph file, or name of a running graph; the only one that runs here if it "
-                       "is left out");
-  else
+  if (!what.empty())
     command.add_option("name", watched.words, "[GRAPH] " + what)
         ->required()
         ->expected(1, 2)
         ->option_text("[GRAPH] NAME REQUIRED");
-  if (!what.empty())
-    command.add_option("-g,--graph", watched.graph,
-                       "graph file, or name of a running graph; the only one that runs here if it "
-                       "is left out");
+  command.add_option(what.empty() ? "-g,--graph,graph" : "-g,--graph", watched.graph,
+                     "graph file, or name of a running graph; the only one that runs here if it "
+                     "is left out");
   command.add_option("--instance", watched.instance, "which of several runs of it");
   command.add_flag("--json", watched.json, "as JSON");
 }
@@ -130,10 +125,6 @@ namespace {
 
 constexpr auto kSilentAfter = 1s;  // statuses come several times a second
 
-bool is_over(idl::State state) {
-  return state == idl::State::failed || state == idl::State::stopped;
-}
-
 template <class... Values>
 std::string format(const char* pattern, Values... values) {
   char text[160];
@@ -146,8 +137,7 @@ void add_process(graph::LiveStage& stage, const graph::Observed& seen, const gra
                  const std::string& prefix) {
   using Mood = graph::LiveStage::Mood;
   const idl::StageStatus& status = seen.status;
-  const bool silent = Clock::now() - seen.heard > kSilentAfter;
-  if (status.state == idl::State::failed || silent)
+  if (status.state == idl::State::failed || is_silent(seen))
     stage.mood = Mood::wrong;
   else if (status.state == idl::State::working && stage.mood == Mood::idle)
     stage.mood = Mood::busy;
@@ -166,11 +156,17 @@ void add_process(graph::LiveStage& stage, const graph::Observed& seen, const gra
 
 }  // namespace
 
+bool is_silent(const graph::Observed& seen) {
+  const idl::State state = seen.status.state;
+  const bool over = state == idl::State::failed || state == idl::State::stopped;
+  return !over && Clock::now() - seen.heard > kSilentAfter;
+}
+
 std::string state_text(const graph::Observed& seen) {
   std::string text(to_name(seen.status.state));
-  const auto silent = Clock::now() - seen.heard;
-  if (!is_over(seen.status.state) && silent > kSilentAfter)
-    text += format(", silent %.1f s", std::chrono::duration<double>(silent).count());
+  if (is_silent(seen))
+    text +=
+        format(", silent %.1f s", std::chrono::duration<double>(Clock::now() - seen.heard).count());
   return text;
 }
 

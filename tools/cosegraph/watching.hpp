@@ -32,8 +32,9 @@ struct Watched {
   }
 };
 
-// "[GRAPH] NAME" with `what` for NAME, or "[GRAPH]" if that is empty; and --graph, --instance,
-// --json.
+// "[GRAPH] NAME" with `what` for NAME, or "[GRAPH]" if that is empty; the graph may also be given
+// as
+// --graph, as to the commands that give orders. And --instance, --json.
 void add_watched(CLI::App& command, Watched& watched, const std::string& what);
 void add_once(CLI::App& command, Watched& watched, const std::string& doc);
 void add_timeout(CLI::App& command, Watched& watched, double value, const std::string& doc);
@@ -65,6 +66,9 @@ struct Looks {
 };
 Looks look_twice(graph::Observer& observer, const graph::GraphDescription& graph,
                  std::chrono::milliseconds patience);
+
+// Nothing has been heard of a process for a while that is not known to have ended.
+bool is_silent(const graph::Observed& seen);
 
 // "working", "waiting, silent 3.2 s".
 std::string state_text(const graph::Observed& seen);
