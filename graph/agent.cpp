@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <thread>
 
 #include "graph/control.hpp"
 #include "graph/dds.hpp"
@@ -30,6 +31,7 @@ using idl::ReplyState;
 constexpr auto kStatusPeriod = 100ms;
 constexpr auto kForgetAfter = 30s;      // statuses of processes that are no more
 constexpr auto kRecoverAfter = 1500ms;  // time for statuses of all processes to be heard
+constexpr auto kFarewell = 1000ms;      // for the last reply to be found and taken
 constexpr std::size_t kReportsKept = 50'000;
 
 // "NAME=VALUE"
@@ -309,7 +311,13 @@ class Agent::Impl {
         supervisor_.stop_all(source_);
         publish_status();
         down_ = true;
-        return reply(command, ReplyState::done, "");
+        reply(command, ReplyState::done, "");
+        // The participant goes now, and what it has not delivered with it.
+        for (const auto limit = Clock::now() + kFarewell;
+             reply_writer_->matched() == 0 && Clock::now() < limit;)
+          std::this_thread::sleep_for(10ms);
+        reply_writer_->await_readers(kFarewell);
+        return;
       }
       if (command.verb == verb::kStart || command.verb == verb::kStop ||
           command.verb == verb::kRestart)

@@ -83,6 +83,11 @@ std::map<std::string, ObservedAgent> Remote::agents(std::chrono::milliseconds pa
 
 std::string Remote::order(idl::Command command, std::chrono::milliseconds patience,
                           const std::function<void(const std::string&)>& on_progress) {
+  // Whoever answers must have found the way back.
+  for (const auto limit = Clock::now() + 2s;
+       impl_->replies->matched() < static_cast<int>(impl_->observer.agents().size()) &&
+       Clock::now() < limit;)
+    std::this_thread::sleep_for(5ms);
   command.id = random_id();
   impl_->commands->write(idl::encode(
       {.graph = impl_->graph.graph, .stage = "command", .stamp = wall_nanoseconds()}, command));
