@@ -60,6 +60,8 @@ endfunction()
 set(COSEGRAPH_TEST_TIMEOUT 300)
 if(COSEGRAPH_SANITIZE)
   set(COSEGRAPH_TEST_TIMEOUT 1800)
+  # Building runs no test program, so that only ctest needs the options of the sanitizers.
+  set(CMAKE_GTEST_DISCOVER_TESTS_DISCOVERY_MODE PRE_TEST)
 endif()
 
 # The tests labelled "unit", without the programs that others run.
