@@ -66,6 +66,7 @@ class Checker {
   void check_kind(const StageNode& stage);
   void check_outputs(const StageNode& stage);
   void check_host(const StageNode& stage);
+  void check_replicas(std::size_t index);
   void check_executable(const StageNode& stage);
   void check_params(const StageNode& stage, const StageInfo& info);
   void check_param(const StageNode& stage, const Setting& setting, const Fields& fields);
@@ -148,9 +149,28 @@ void Checker::check_outputs(const StageNode& stage) {
 
 void Checker::check_host(const StageNode& stage) {
   const auto names = names_of(graph_.hosts, &Host::name);
-  if (stage.host.empty() || std::ranges::find(names, stage.host) != names.end()) return;
-  fault(stage, mark_of(stage, "host"),
-        "unknown host " + in_quotes(stage.host) + offer(stage.host, names));
+  const auto check_name = [&](const std::string& host, Mark mark) {
+    if (host.empty() || std::ranges::find(names, host) != names.end()) return;
+    fault(stage, mark, "unknown host " + in_quotes(host) + offer(host, names));
+  };
+  check_name(stage.host, mark_of(stage, "host"));
+  for (const auto& share : stage.replicas) check_name(share.host, share.mark);
+}
+
+// Frames are shared out over replicas and brought together again by the stages that read them:
+// there must be some, and what is published once must have one author.
+void Checker::check_replicas(std::size_t index) {
+  const StageNode& stage = stages_[index];
+  if (stage.replicas.empty() || !infos_[index] || !wiring_is_known_) return;
+  const char* why = nullptr;
+  if (is_source(index) || !takes_frames(index)) why = "it takes no frames";
+  if (std::ranges::any_of(infos_[index]->outputs, &PortInfo::latched))
+    why = "what it gives is latched";
+  const bool read = std::ranges::any_of(
+      edges_, [&](const Edge& edge) { return edge.from == index && !edge.from_port->latched; });
+  if (why == nullptr && !read) why = "no stage reads what it gives";
+  if (why != nullptr)
+    fault(stage, stage.replicas[0].mark, std::string("cannot have replicas: ") + why);
 }
 
 void Checker::check_executable(const StageNode& stage) {
@@ -419,6 +439,7 @@ std::vector<Fault> Checker::run() {
   check_sources();
   check_purpose();
   check_reach();
+  for (std::size_t i = 0; i < stages_.size(); ++i) check_replicas(i);
   std::ranges::stable_sort(faults_, {}, &Fault::mark);
   return std::move(faults_);
 }

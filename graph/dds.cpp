@@ -18,6 +18,8 @@
 #include <map>
 #include <mutex>
 
+#include "graph/discovery.hpp"
+
 namespace cosegraph::graph {
 namespace {
 
@@ -166,7 +168,8 @@ struct Participant::Impl {
     const std::scoped_lock lock(mutex);
     auto& known = topics[name];
     if (known != nullptr) return known;
-    const std::string wire = idl::wire_type(type);
+    const bool is_foreign = type.find("::") != std::string_view::npos;
+    const std::string wire = is_foreign ? std::string(type) : idl::wire_type(type);
     dds::TypeSupport support(new EncodedType(wire));
     support.register_type(participant);
     known = participant->create_topic(name, wire, dds::TOPIC_QOS_DEFAULT);
@@ -189,6 +192,19 @@ class DdsWriter final : public Writer {
       throw Error("cannot publish " + std::to_string(bytes.size()) + " bytes on " +
                   writer_->get_topic()->get_name());
   }
+  int matched() const override {
+    dds::PublicationMatchedStatus status;
+    writer_->get_publication_matched_status(status);
+    return status.current_count;
+  }
+
+  bool await_readers(std::chrono::milliseconds patience) override {
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(patience);
+    const auto rest = std::chrono::nanoseconds(patience - seconds);
+    return writer_->wait_for_acknowledgments({static_cast<std::int32_t>(seconds.count()),
+                                              static_cast<std::uint32_t>(rest.count())}) ==
+           ReturnCode_t::RETCODE_OK;
+  }
 
  private:
   dds::Publisher* publisher_;
@@ -204,6 +220,11 @@ class DdsReader final : public Reader {
     reader_->set_listener(nullptr);
     subscriber_->delete_datareader(reader_);
   }
+  int matched() const override {
+    dds::SubscriptionMatchedStatus status;
+    reader_->get_subscription_matched_status(status);
+    return status.current_count;
+  }
 
  private:
   dds::Subscriber* subscriber_;
@@ -213,18 +234,19 @@ class DdsReader final : public Reader {
 
 }  // namespace
 
-Participant::Participant(const GraphDescription& graph, const std::string& name)
+Participant::Participant(const GraphDescription& graph, const std::string& name,
+                         dds::DomainParticipantListener* listener)
     : impl_(std::make_unique<Impl>()) {
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                                   participant_qos(graph, name));
+  impl_->participant =
+      factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
+                                  participant_qos(graph, name), listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;
-  const std::string partition =
-      graph.instance.empty() ? graph.graph : graph.graph + "." + graph.instance;
+  const std::string partition = partition_of(graph);
   publisher.partition().push_back(partition.c_str());
   dds::SubscriberQos subscriber;
   subscriber.partition().push_back(partition.c_str());

@@ -65,7 +65,18 @@ Fields describe(Dds& dds) {
 Fields describe(Restart& restart) {
   return {choice_field("policy", restart.policy, "When a stage that ended is started again."),
           integer_field("max", restart.max, 0, 1000, "",
-                        "How many times at most; the graph stops after that.")};
+                        "How many times at most; it is given up after that."),
+          number_field("backoff", restart.backoff, 0.0, 60.0, "s",
+                       "Before the first time; twice as long before each further one.")};
+}
+
+std::vector<std::string> hosts_of(const StageNode& stage) {
+  if (stage.replicas.empty()) return {stage.host};
+  std::vector<std::string> result;
+  for (const auto& share : stage.replicas)
+    result.insert(result.end(), static_cast<std::size_t>(share.count),
+                  share.host.empty() ? stage.host : share.host);
+  return result;
 }
 
 GraphDescription load(const std::filesystem::path& file, const Catalog& catalog) {

@@ -8,6 +8,7 @@
 #include <compare>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -67,6 +68,14 @@ enum class RestartPolicy { never, on_failure };
 struct Restart {
   RestartPolicy policy = RestartPolicy::never;
   int max = 5;
+  double backoff = 0.05;  // s, before the first; twice as long before each further one
+};
+
+// So many processes of a stage on one host.
+struct ReplicaShare {
+  std::string host;  // empty: the stage's
+  int count = 1;
+  Mark mark;
 };
 
 struct StageNode {
@@ -77,6 +86,7 @@ struct StageNode {
   std::vector<Connection> inputs;
   std::vector<PortInfo> outputs;  // exec stages declare theirs
   std::vector<Setting> params;
+  std::vector<ReplicaShare> replicas;  // empty: one process
   Restart restart;
   Mark mark;
 
@@ -117,8 +127,11 @@ struct GraphDescription {
   StageNode* stage(std::string_view name);
 };
 
-// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "max" and
-// "policy".
+// The host of each replica of a stage, one after the other; of a stage without replicas, its host.
+std::vector<std::string> hosts_of(const StageNode& stage);
+
+// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "policy",
+// "max" and "backoff".
 Fields describe(GraphDescription& graph);
 Fields describe(Dds& dds);
 Fields describe(Restart& restart);
@@ -129,6 +142,9 @@ constexpr std::string_view kNamePattern = "[a-z][a-z0-9_-]*";
 // Parses without a catalog: syntax, keys, types of values. Faults are appended; what they concern
 // is left at its default.
 GraphDescription parse(std::string_view yaml, const std::string& file, std::vector<Fault>& faults);
+
+// The same. Throws GraphError with every fault.
+GraphDescription parse(std::string_view yaml, const std::string& file);
 
 // Everything that needs to know the kinds of stages, in the order of the file: wiring, parameters,
 // hosts, executables. A stage of unknown kind is one fault; nothing is said about its ports then.
@@ -164,6 +180,9 @@ const StageNode& source_of(const GraphDescription& graph, const Catalog& catalog
 // have said so. In the file's order.
 std::vector<std::string> leaves_of(const GraphDescription& graph, const Catalog& catalog);
 
+// `stage` and all stages that it depends on, along edges of any kind, by name.
+std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage);
+
 // Names of all stages downstream of `stage` along frame edges, in the file's order.
 std::vector<std::string> downstream_of(const GraphDescription& graph, std::string_view stage,
                                        const Catalog& catalog);
@@ -172,9 +191,25 @@ std::vector<std::string> downstream_of(const GraphDescription& graph, std::strin
 std::string topic_name(const GraphDescription& graph, std::string_view stage,
                        std::string_view port);
 
+// What a drawing shows of a running graph.
+struct LiveStage {
+  enum class Mood { idle, busy, wrong };
+  Mood mood = Mood::idle;
+  std::string state;  // "working"
+  std::vector<std::string> figures;
+};
+struct Overlay {
+  std::string title;                          // behind the graph's name
+  std::map<std::string, LiveStage> stages;    // a stage that is missing here is drawn as absent
+  std::map<std::string, std::string> topics;  // text under the message type, by topic_name()
+};
+
 // Graphviz source: stages as boxes with kind, host and the parameters that differ from their
-// defaults, edges with message types, latched edges dashed, the legend below.
-std::string to_dot(const GraphDescription& graph, const Catalog& catalog);
+// defaults, edges with message types, latched edges dashed, the legend below. With an overlay
+// states and figures stand in the boxes in place of the parameters, and the boxes' frames tell who
+// is at work and what is wrong.
+std::string to_dot(const GraphDescription& graph, const Catalog& catalog,
+                   const Overlay* overlay = nullptr);
 
 // JSON schema (draft 2020-12) of graph files for editors.
 std::string json_schema(const Catalog& catalog);

@@ -7,6 +7,12 @@ namespace cosegraph::graph {
 Ledger::Ledger(std::vector<std::string> leaves, int window)
     : leaves_(std::move(leaves)), window_(static_cast<std::size_t>(window)) {}
 
+std::vector<std::uint64_t> Ledger::open() const {
+  std::vector<std::uint64_t> result;
+  for (const auto& [sequence, frame] : open_) result.push_back(sequence);
+  return result;
+}
+
 void Ledger::admit(const idl::FrameHeader& header, Clock::time_point now) {
   open_[header.sequence] = {.header = header, .admitted = now};
   ++account_.admitted;

@@ -21,10 +21,19 @@ class Ledger {
  public:
   Ledger(std::vector<std::string> leaves, int window);
 
+  // Takes over the figures of a predecessor.
+  void restore(const idl::Account& account) { account_ = account; }
+
   bool has_room() const { return open_.size() < window_; }
   std::size_t in_flight() const { return open_.size(); }
   std::size_t window() const { return window_; }
   const idl::Account& account() const { return account_; }
+  // Sequences of the frames in flight, in order.
+  std::vector<std::uint64_t> open() const;
+  // All frames before this one are over; `next` is the next to be admitted.
+  std::uint64_t settled(std::uint64_t next) const {
+    return open_.empty() ? next : open_.begin()->first;
+  }
 
   void admit(const idl::FrameHeader& header, Clock::time_point now);
   void drop() { ++account_.dropped; }

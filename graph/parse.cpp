@@ -77,6 +77,7 @@ class Reader {
   Host read_host(const Entry& entry);
   StageNode read_stage(const Entry& entry);
   void read_stage_entry(const Entry& entry, StageNode& stage);
+  void read_replicas(const Entry& entry, StageNode& stage);
   Connection read_input(const Entry& entry);
   PortInfo read_output(const Entry& entry);
   std::optional<Setting> read_setting(const Entry& entry);
@@ -258,16 +259,32 @@ void Reader::read_stage_entry(const Entry& entry, StageNode& stage) {
   if (entry.key == "params")
     for (const auto& item : entries(entry))
       if (auto setting = read_setting(item)) stage.params.push_back(std::move(*setting));
+  if (entry.key == "replicas") read_replicas(entry, stage);
   if (entry.key == "restart")
-    for (const auto& item : entries(entry, {"policy", "max"})) set(describe(stage.restart), item);
+    for (const auto& item : entries(entry, {"policy", "max", "backoff"}))
+      set(describe(stage.restart), item);
+}
+
+// "replicas: 3" on the stage's host, or "replicas: {HOST: 2, OTHER: 1}".
+void Reader::read_replicas(const Entry& entry, StageNode& stage) {
+  const auto read_count = [&](const Entry& item, std::string host) {
+    ReplicaShare share{.host = std::move(host), .mark = item.mark};
+    const Fields field{integer_field(item.key, share.count, 1, 64, "", "")};
+    set(field, item);
+    stage.replicas.push_back(std::move(share));
+  };
+  if (!entry.value.IsMap()) return read_count(entry, "");
+  for (const auto& item : entries(entry)) read_count(item, item.key);
+  if (stage.replicas.empty())
+    fault(entry.value_mark(), "replicas: expected a number, or numbers per host");
 }
 
 StageNode Reader::read_stage(const Entry& entry) {
   check_name(entry.key, entry.mark);
   StageNode stage{.name = entry.key, .mark = entry.mark};
   if (!entry.value.IsMap()) stage.marks["use"] = entry.value_mark();  // what it is was unreadable
-  for (const auto& item :
-       entries(entry, {"use", "exec", "host", "inputs", "outputs", "params", "restart"}))
+  for (const auto& item : entries(
+           entry, {"use", "exec", "host", "inputs", "outputs", "params", "replicas", "restart"}))
     read_stage_entry(item, stage);
   return stage;
 }
@@ -315,6 +332,13 @@ GraphDescription Reader::read(std::string_view yaml) {
 
 GraphDescription parse(std::string_view yaml, const std::string& file, std::vector<Fault>& faults) {
   return Reader(file, faults).read(yaml);
+}
+
+GraphDescription parse(std::string_view yaml, const std::string& file) {
+  std::vector<Fault> faults;
+  GraphDescription graph = parse(yaml, file, faults);
+  if (!faults.empty()) throw GraphError(std::move(faults));
+  return graph;
 }
 
 }  // namespace cosegraph::graph

@@ -1,6 +1,5 @@
 #include "graph/runtime.hpp"
 
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,13 +7,15 @@
 #include <condition_variable>
 #include <cstring>
 #include <deque>
-#include <fstream>
 #include <mutex>
 #include <set>
 #include <thread>
 
+#include "graph/control.hpp"
 #include "graph/dds.hpp"
+#include "graph/figures.hpp"
 #include "graph/join.hpp"
+#include "graph/journal.hpp"
 #include "graph/ledger.hpp"
 
 namespace cosegraph::graph {
@@ -27,76 +28,36 @@ using idl::State;
 
 constexpr std::size_t kModelsKept = 2;  // the newest of a latched input
 constexpr auto kModelPatience = 10s;    // for a model id that is not known yet
+constexpr auto kTick = 50ms;            // of the timer
 constexpr auto kStatusPeriod = 250ms;
-constexpr auto kAbandonAfter = 2s;           // leaves' time to report an overdue frame
-constexpr std::size_t kLatencyWindow = 512;  // newest frames in the quantiles
+constexpr auto kResumePatience = 2s;  // for the source's word on which frames are over
+constexpr auto kAbandonAfter = 2s;    // leaves' time to report an overdue frame
+constexpr auto kHoldPatience = 15s;   // drained, and nobody has taken the place
+constexpr std::uint32_t kDeathsOfAFrame = 2;
+constexpr int kCommandDepth = 16;
 
-std::int64_t wall_nanoseconds() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
+// How many processes read an output.
+int consumers_of(const GraphDescription& graph, const std::string& stage, const std::string& port) {
+  int count = 0;
+  for (const auto& other : graph.stages)
+    for (const auto& input : other.inputs)
+      if (input.from_stage == stage && input.from_port == port)
+        count += static_cast<int>(hosts_of(other).size());
+  return count;
 }
 
-std::string host_name() {
-  char name[256] = {};
-  return ::gethostname(name, sizeof name - 1) == 0 ? name : "unknown";
+JoinOptions join_options(const GraphDescription& graph, const StageNode& node,
+                         const RunnerOptions& options) {
+  using Start = JoinOptions::Start;
+  return {.start = options.standby          ? Start::standby
+                   : options.generation > 0 ? Start::resume
+                                            : Start::beginning,
+          .window = graph.window,
+          .replica = static_cast<int>(options.replica),
+          .replicas = static_cast<int>(hosts_of(node).size())};
 }
-
-double process_cpu_seconds() {
-  rusage usage{};
-  ::getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& t) { return t.tv_sec + 1e-6 * t.tv_usec; };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
-
-std::uint64_t resident_bytes() {
-  std::ifstream statm("/proc/self/statm");
-  std::uint64_t total = 0;
-  std::uint64_t resident = 0;
-  statm >> total >> resident;
-  return resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-}
-
-// Everything that `stage` depends on, itself included.
-std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage) {
-  std::set<std::string> result;
-  std::vector<std::string> todo{stage};
-  while (!todo.empty()) {
-    const std::string name = todo.back();
-    todo.pop_back();
-    if (!result.insert(name).second) continue;
-    if (const StageNode* node = graph.stage(name))
-      for (const auto& input : node->inputs) todo.push_back(input.from_stage);
-  }
-  return result;
-}
-
-class Latencies {
- public:
-  void add(double milliseconds) {
-    sum_ += milliseconds;
-    newest_.push_back(milliseconds);
-    if (newest_.size() > kLatencyWindow) newest_.pop_front();
-  }
-  double sum() const { return sum_; }
-  double quantile(double q) const {
-    if (newest_.empty()) return 0.0;
-    std::vector<double> sorted(newest_.begin(), newest_.end());
-    const auto at = static_cast<std::ptrdiff_t>(q * static_cast<double>(sorted.size() - 1) + 0.5);
-    std::ranges::nth_element(sorted, sorted.begin() + at);
-    return sorted[static_cast<std::size_t>(at)];
-  }
-
- private:
-  std::deque<double> newest_;
-  double sum_ = 0.0;
-};
 
 }  // namespace
-
-std::string control_topic(const GraphDescription& graph, std::string_view what) {
-  return graph.graph + "/" + std::string(what);
-}
 
 void apply_params(const GraphDescription& graph, const StageNode& node, Stage& stage) {
   std::vector<Fault> faults;
@@ -119,19 +80,25 @@ class StageRunner::Impl final : public StageHost {
         node_(*graph_.stage(name)),
         stage_(std::move(stage)),
         source_(dynamic_cast<SourceStage*>(stage_.get())),
-        generation_(options.generation),
+        options_(options),
         is_leaf_(std::ranges::find(options.leaves, name) != options.leaves.end()),
         upstream_(upstream_of(graph_, name)),
-        join_(frame_inputs(), options.generation > 0),
+        standby_(options.standby),
+        join_(frame_inputs(), join_options(graph_, node_, options)),
         ledger_(options.leaves, graph_.window),
         participant_(graph_, graph_.graph + "/" + name) {
     for (const auto& input : node_.inputs) stage_->connect(input.port);
     stage_->attach(*this);
     status_.kind = node_.use;
-    status_.host = host_name();
+    const std::string host = hosts_of(node_).at(options.replica);
+    status_.host = host.empty() ? machine_name() : host;
     status_.pid = static_cast<std::uint32_t>(::getpid());
+    status_.replica = options.replica;
+    status_.candidate = options.standby;
+    if (!standby_) open_journal();
     open_writers();
     stage_->start();
+    status_.recipe = stage_->recipe();
     open_readers();
     worker_ = std::thread([this] { work(); });
     timer_ = std::thread([this] { tick(); });
@@ -157,11 +124,17 @@ class StageRunner::Impl final : public StageHost {
     return current_status();
   }
 
-  // -- StageHost
-  // --------------------------------------------------------------------------------------
+  // -- StageHost ---------------------------------------------------------------------------------
 
   void publish_latched(const std::string& port, const idl::Bytes& bytes) override {
-    outputs_.at(port)->write(bytes);
+    {
+      const std::scoped_lock lock(mutex_);
+      if (standby_) {
+        held_.emplace_back(port, bytes);
+        return;
+      }
+    }
+    write(port, bytes);
   }
 
   void report(std::string_view activity, double progress) override {
@@ -175,10 +148,12 @@ class StageRunner::Impl final : public StageHost {
     return stop_;
   }
 
+  bool resumed() const override { return options_.generation > 0; }
+
   FrameHeader header() const override {
     return {.graph = graph_.graph,
             .stage = node_.name,
-            .generation = generation_,
+            .generation = options_.generation,
             .stamp = wall_nanoseconds()};
   }
 
@@ -201,10 +176,13 @@ class StageRunner::Impl final : public StageHost {
 
   void open_writers() {
     const EndpointQos frames{.depth = frame_depth()};
-    for (const auto& port : stage_->outputs())
+    for (const auto& port : stage_->outputs()) {
+      const std::string topic = topic_name(graph_, node_.name, port.name);
       outputs_[port.name] = participant_.writer(
-          topic_name(graph_, node_.name, port.name), port.type,
+          topic, port.type,
           port.latched ? EndpointQos{.depth = static_cast<int>(kModelsKept)} : frames);
+      traffic_["out/" + port.name] = {.name = port.name, .topic = topic, .output = true};
+    }
     status_writer_ =
         participant_.writer(control_topic(graph_, "stage_status"), "StageStatus", {.depth = 1});
     failure_writer_ =
@@ -216,28 +194,59 @@ class StageRunner::Impl final : public StageHost {
           participant_.writer(control_topic(graph_, "stream_end"), "StreamEnd", {.depth = 1});
   }
 
+  void write(const std::string& port, const idl::Bytes& bytes) {
+    outputs_.at(port)->write(bytes);
+    const std::scoped_lock lock(mutex_);
+    count_traffic("out/" + port, bytes.size());
+  }
+
+  void count_traffic(const std::string& key, std::size_t bytes) {
+    idl::PortTraffic& traffic = traffic_.at(key);
+    ++traffic.messages;
+    traffic.bytes += bytes;
+  }
+
   void open_readers() {
     const EndpointQos frames{.depth = frame_depth()};
     for (const auto& input : node_.inputs) {
       const PortInfo& info = input_info(input.port);
       const std::string topic = topic_name(graph_, input.from_stage, input.from_port);
+      const std::string key = "in/" + input.port;
+      traffic_[key] = {.name = input.port, .topic = topic};
       if (info.latched)
         read(topic, info.type, {.depth = static_cast<int>(kModelsKept)},
-             [this, port = input.port](const FrameHeader& header, Sample sample) {
-               auto& newest = latched_[port];
-               newest.push_back({header.model_id, std::move(sample)});
-               if (newest.size() > kModelsKept) newest.pop_front();
+             [this, key, port = input.port](const FrameHeader& header, Sample sample) {
+               count_traffic(key, sample->size());
+               keep_latched(latched_[port], header.model_id, std::move(sample));
              });
       else
         read(topic, info.type, frames,
-             [this, port = input.port](const FrameHeader& header, Sample sample) {
+             [this, key, port = input.port](const FrameHeader& header, Sample sample) {
+               count_traffic(key, sample->size());
                join_.add(port, header, std::move(sample));
              });
     }
+    input_readers_ = readers_.size();
+    read(control_topic(graph_, "command"), "Command", {.depth = kCommandDepth},
+         [this](const FrameHeader&, const Sample& sample) {
+           const auto command = idl::decode<idl::Command>(*sample);
+           if (command.stage == node_.name && command.generation == options_.generation)
+             obey(command);
+         });
+    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = 1},
+         [this](const FrameHeader& header, const Sample& sample) { hear(header, *sample); });
     if (source_ != nullptr)
       open_source_readers(frames);
     else
       open_stream_readers(frames);
+  }
+
+  using LatchedValues = std::deque<std::pair<std::uint64_t, Sample>>;  // by model id, newest last
+
+  static void keep_latched(LatchedValues& values, std::uint64_t id, Sample sample) {
+    std::erase_if(values, [&](const auto& value) { return value.first == id; });
+    values.push_back({id, std::move(sample)});
+    if (values.size() > kModelsKept) values.pop_front();
   }
 
   void open_stream_readers(const EndpointQos& frames) {
@@ -255,14 +264,30 @@ class StageRunner::Impl final : public StageHost {
   void open_source_readers(const EndpointQos& frames) {
     read(control_topic(graph_, "frame_done"), "FrameDone", frames,
          [this](const FrameHeader& header, const Sample& sample) {
-           if (header.epoch == epoch_)
-             ledger_.done(header.stage, header, idl::decode<idl::FrameDone>(*sample));
+           if (header.epoch != epoch_) return;
+           ledger_.done(header.stage, header, idl::decode<idl::FrameDone>(*sample));
+           record_account();
          });
-    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = 1},
-         [this](const FrameHeader& header, const Sample& sample) {
-           at_work_[header.stage] = {
-               header.sequence, idl::decode<idl::StageStatus>(*sample).state == State::working};
-         });
+  }
+
+  // Other stages' statuses: which frames are over, who is at work, which replicas are given up.
+  void hear(const FrameHeader& header, const idl::Bytes& bytes) {
+    const bool from_source = header.stage == header.source;
+    const bool from_own = header.stage == node_.name;
+    const bool from_replica = from_own && !node_.replicas.empty();
+    if (source_ == nullptr && !from_source && !from_own) return;
+    const auto status = idl::decode<idl::StageStatus>(bytes);
+    if (from_own && header.generation > options_.generation && !status.candidate &&
+        status.replica == options_.replica && status.pid != 0)
+      replaced_ = true;
+    if (source_ != nullptr)
+      at_work_[{header.stage, status.replica}] = {header.sequence, status.state == State::working};
+    else if (from_source && !status.candidate)
+      join_.settle({header.epoch, status.settled});
+    if (from_replica && status.replica != options_.replica && !status.candidate &&
+        status.replica < hosts_of(node_).size())
+      join_.give_up(static_cast<int>(status.replica),
+                    status.state == State::failed || status.state == State::stopped);
   }
 
   // Calls `take` under the lock with every well-formed message of a topic.
@@ -281,16 +306,129 @@ class StageRunner::Impl final : public StageHost {
         }));
   }
 
+  // -- orders ------------------------------------------------------------------------------------
+
+  void obey(const idl::Command& command) {
+    if (command.verb == verb::kDrain) draining_ = true;
+    if (command.verb == verb::kRelease) draining_ = false;
+    if (command.verb != verb::kActivate || !standby_) return;
+    handover_ = Handover{};
+    for (const auto& word : command.words)
+      if (const auto handover = Handover::from_word(word);
+          handover && handover->replica == options_.replica)
+        handover_ = *handover;
+    standby_ = false;
+  }
+
+  // Whether its inputs are fed and its outputs heard; else what is missing. Readers that come
+  // later are served all the same: this is so that taking over leaves no pause.
+  std::string missing() const {
+    for (std::size_t i = 0; i < input_readers_; ++i)
+      if (readers_[i]->matched() == 0) return "nobody feeds input '" + node_.inputs[i].port + "'";
+    {
+      const std::scoped_lock lock(mutex_);
+      for (const auto& input : node_.inputs)
+        if (input_info(input.port).latched && latched_value(input.port, 0) == nullptr)
+          return "no model on input '" + input.port + "'";
+    }
+    for (const auto& [port, writer] : outputs_)
+      if (writer->matched() < consumers_of(graph_, node_.name, port))
+        return "not all readers of output '" + port + "' are there";
+    return "";
+  }
+
+  // Ready to take over: waits for the order to. False if stopped.
+  bool stand_by() {
+    for (std::string lacks = missing();; lacks = missing()) {
+      set_state(lacks.empty() ? State::standby : State::starting, lacks);
+      std::unique_lock lock(mutex_);
+      const auto over = [this] { return stop_ || !standby_; };
+      if (lacks.empty())
+        changed_.wait(lock, over);
+      else
+        changed_.wait_for(lock, 20ms, over);
+      if (over()) break;
+    }
+    std::vector<std::pair<std::string, idl::Bytes>> held;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (stop_) return false;
+      if (source_ == nullptr) join_.activate(handover_.next);
+      status_.candidate = false;
+      held.swap(held_);
+      open_journal();  // which was its predecessor's until now
+    }
+    for (const auto& [port, bytes] : held) write(port, bytes);
+    return true;
+  }
+
+  // Holds until it is released or stopped; if whoever ordered that is gone and nobody has taken its
+  // place, it goes on.
+  void hold() {
+    set_state(State::drained, "");
+    {
+      std::unique_lock lock(mutex_);
+      const auto over = [this] { return stop_ || !draining_; };
+      while (!changed_.wait_for(lock, kHoldPatience, over))
+        if (!replaced_) draining_ = false;
+      if (stop_) return;
+    }
+    set_state(State::waiting, "");
+  }
+
+  // -- journal -----------------------------------------------------------------------------------
+
+  void open_journal() {
+    if (options_.journal.empty()) return;
+    journal_ = std::make_unique<Journal>(options_.journal);
+    const bool follows_the_dead = options_.generation > 0 && !options_.standby;
+    if (const auto left = journal_->load(); follows_the_dead && left) {
+      predecessor_ = *left;
+      if (left->working) predecessor_.deaths = left->deaths + 1;
+      record_.taken = left->taken;
+      record_.account = left->account;
+    }
+    record_.generation = options_.generation;
+    journal_->store(record_);
+  }
+
+  bool is_fatal(const FrameHeader& header) const {
+    return predecessor_.working && predecessor_.epoch == header.epoch &&
+           predecessor_.sequence == header.sequence && predecessor_.deaths >= kDeathsOfAFrame;
+  }
+
+  void record_work(const FrameHeader& header, bool working) {
+    if (journal_ == nullptr) return;
+    const bool again = predecessor_.working && predecessor_.epoch == header.epoch &&
+                       predecessor_.sequence == header.sequence;
+    record_.working = working;
+    record_.epoch = header.epoch;
+    record_.sequence = header.sequence;
+    record_.deaths = again ? predecessor_.deaths : 0;
+    journal_->store(record_);
+  }
+
+  void record_account() {
+    if (journal_ == nullptr) return;
+    record_.account = ledger_.account();
+    const auto open = ledger_.open();
+    record_.open_count = static_cast<std::uint32_t>(std::min(open.size(), record_.open.size()));
+    std::copy_n(open.begin(), record_.open_count, record_.open.begin());
+    journal_->store(record_);
+  }
+
   // -- worker ------------------------------------------------------------------------------------
 
   void work() {
     try {
-      if (source_ != nullptr)
-        admit_frames();
-      else if (!join_is_empty())
-        take_frames();
-      else
-        set_state(State::waiting, "");
+      if (!standby_ || stand_by()) {
+        if (source_ != nullptr)
+          admit_frames();
+        else if (!frame_inputs().empty())
+          take_frames();
+        else
+          provide();
+      }
     } catch (const std::exception& error) {
       set_state(State::failed, error.what());
     }
@@ -298,14 +436,30 @@ class StageRunner::Impl final : public StageHost {
     changed_.wait(lock, [this] { return stop_; });
   }
 
-  bool join_is_empty() const { return frame_inputs().empty(); }
+  // A stage that only has latched outputs, which start() has published.
+  void provide() {
+    set_state(State::waiting, "");
+    for (;;) {
+      {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [this] { return stop_ || draining_; });
+        if (stop_) return;
+      }
+      hold();
+    }
+  }
 
   void take_frames() {
     set_state(State::waiting, "");
     for (;;) {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return stop_ || join_.ready(); });
+      changed_.wait(lock, [this] { return stop_ || draining_ || join_.ready(); });
       if (stop_) return;
+      if (draining_) {
+        lock.unlock();
+        hold();
+        continue;
+      }
       Join::Released next = *join_.take();
       lock.unlock();
       switch (next.kind) {
@@ -338,7 +492,7 @@ class StageRunner::Impl final : public StageHost {
 
   FrameHeader own_header(FrameHeader header) const {
     header.stage = node_.name;
-    header.generation = generation_;
+    header.generation = options_.generation;
     return header;
   }
 
@@ -348,19 +502,22 @@ class StageRunner::Impl final : public StageHost {
     const auto start = Clock::now();
     std::string reason;
     try {
+      if (is_fatal(header))
+        throw Error("its process has died " + std::to_string(predecessor_.deaths) +
+                    " times over this frame");
       add_latched(header.model_id, inputs);
       Frame frame(header, std::move(inputs));
       stage_->process(frame);
-      for (const auto& [port, bytes] : frame.outputs()) outputs_.at(port)->write(bytes);
+      for (const auto& [port, bytes] : frame.outputs()) write(port, bytes);
     } catch (const std::exception& error) {
       reason = error.what();
       if (reason.empty()) reason = "unknown error";
     }
-    end_frame(std::chrono::duration<double, std::milli>(Clock::now() - start).count(),
-              !reason.empty());
     if (!reason.empty()) failure_writer_->write(idl::encode(header, idl::FrameFailure{reason}));
     publish_done(header, reason.empty() ? idl::FrameDone{.outcome = stage_->leaf_outcome()}
                                         : idl::FrameDone{Outcome::failed, node_.name, reason});
+    end_frame(header, std::chrono::duration<double, std::milli>(Clock::now() - start).count(),
+              !reason.empty());
   }
 
   void publish_done(const FrameHeader& header, const idl::FrameDone& done) {
@@ -401,26 +558,40 @@ class StageRunner::Impl final : public StageHost {
     FrameHeader header = this->header();
     header.source = node_.name;
     header.model_id = first_model;
-    {
-      const std::scoped_lock lock(mutex_);
-      header.epoch = epoch_ = static_cast<std::uint64_t>(wall_nanoseconds());
-    }
+    begin_epoch(header);
+    skip_taken();
     set_state(State::waiting, "");
     auto due = Clock::now();
-    while (const auto name = source_->next()) {
-      if (!await_room(due)) continue;
-      if (stopping()) break;
+    std::optional<std::string> name;
+    for (;;) {
+      if (stopping()) return;
+      if (must_drain()) {
+        hold();
+        due = Clock::now();
+        continue;
+      }
+      if (!name) name = source_->next();
+      if (!name) break;
+      const Room room = await_room(due);
+      if (room == Room::interrupted) continue;
+      if (room == Room::dropped) {
+        count_taken(false);
+        name.reset();
+        continue;
+      }
       header.name = *name;
       header.stamp = wall_nanoseconds();
       header.model_id = newest_model(header.model_id);
       {
         const std::scoped_lock lock(mutex_);
         ledger_.admit(header, Clock::now());
+        next_admission_ = header.sequence + 1;
       }
+      count_taken(true);
       process(header, {});
       ++header.sequence;
+      name.reset();
     }
-    if (stopping()) return;
     end_writer_->write(idl::encode(header, idl::StreamEnd{header.sequence}));
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return stop_ || ledger_.ended(); });
@@ -430,25 +601,77 @@ class StageRunner::Impl final : public StageHost {
     set_state(failure.empty() ? State::finished : State::failed, failure);
   }
 
-  // Waits until a frame may be admitted. With a rate, `due` is when the frame arrives and moves on
-  // by one period; false if the frame was dropped, as the next one arrived before there was room.
-  bool await_room(Clock::time_point& due) {
+  // A new epoch, later than any before, whatever the clock says. What a predecessor that died had
+  // in flight has failed.
+  void begin_epoch(FrameHeader& header) {
+    std::vector<std::uint64_t> lost;
+    std::uint64_t before = 0;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (options_.standby) {
+        ledger_.restore(handover_.account);
+        taken_ = handover_.taken;
+        before = handover_.next.epoch;
+      } else if (predecessor_.generation > 0 || predecessor_.taken > 0) {
+        lost.assign(predecessor_.open.begin(), predecessor_.open.begin() + predecessor_.open_count);
+        idl::Account account = predecessor_.account;
+        account.failed += lost.size();
+        ledger_.restore(account);
+        taken_ = predecessor_.taken;
+        before = predecessor_.epoch;
+      }
+      header.epoch = epoch_ = std::max(static_cast<std::uint64_t>(wall_nanoseconds()), before + 1);
+      frame_ = header;
+    }
+    for (const std::uint64_t sequence : lost) {
+      FrameHeader gone = header;
+      gone.epoch = before;
+      gone.sequence = sequence;
+      failure_writer_->write(idl::encode(gone, idl::FrameFailure{"its source was started again"}));
+    }
+    const std::scoped_lock lock(mutex_);
+    record_.epoch = epoch_;
+    record_.taken = taken_;
+    record_account();
+  }
+
+  void skip_taken() {
+    for (std::uint64_t i = 0; i < taken_ && !stopping(); ++i)
+      if (!source_->next()) return;
+  }
+
+  void count_taken(bool admitted) {
+    const std::scoped_lock lock(mutex_);
+    if (!admitted) ledger_.drop();
+    record_.taken = ++taken_;
+    record_account();
+  }
+
+  // Admission has stopped and all that was admitted is over.
+  bool must_drain() {
     std::unique_lock lock(mutex_);
-    const auto may_go = [this] { return stop_ || ledger_.has_room(); };
-    if (source_->rate() <= 0.0) {
-      changed_.wait(lock, may_go);
-      return true;
+    if (!draining_) return false;
+    changed_.wait(lock, [this] { return stop_ || !draining_ || ledger_.in_flight() == 0; });
+    return draining_ && !stop_;
+  }
+
+  enum class Room { there, dropped, interrupted };
+
+  // Waits until a frame may be admitted. With a rate, `due` is when the frame arrives and moves on
+  // by one period; the frame is dropped if the next one arrives before there is room.
+  Room await_room(Clock::time_point& due) {
+    std::unique_lock lock(mutex_);
+    const auto halted = [this] { return stop_ || draining_; };
+    const auto may_go = [&] { return halted() || ledger_.has_room(); };
+    if (source_->rate() > 0.0) {
+      if (changed_.wait_until(lock, due, halted)) return Room::interrupted;
+      due += std::chrono::duration_cast<Clock::duration>(
+          std::chrono::duration<double>(1.0 / source_->rate()));
+      if (source_->drop_when_full() && !changed_.wait_until(lock, due, may_go))
+        return Room::dropped;
     }
-    changed_.wait_until(lock, due, [this] { return stop_; });
-    due += std::chrono::duration_cast<Clock::duration>(
-        std::chrono::duration<double>(1.0 / source_->rate()));
-    if (!source_->drop_when_full()) {
-      changed_.wait(lock, may_go);
-      return true;
-    }
-    if (changed_.wait_until(lock, due, may_go)) return true;
-    ledger_.drop();
-    return false;
+    changed_.wait(lock, may_go);
+    return halted() ? Room::interrupted : Room::there;
   }
 
   // The id of the newest model once every latched input has one; 0 without latched inputs.
@@ -481,6 +704,7 @@ class StageRunner::Impl final : public StageHost {
     for (const auto& header : overdue) overdue_.emplace_back(now + kAbandonAfter, header);
     while (!overdue_.empty() && overdue_.front().first <= now) {
       ledger_.abandon(overdue_.front().second);
+      record_account();
       overdue_.pop_front();
       changed_.notify_all();
     }
@@ -493,9 +717,9 @@ class StageRunner::Impl final : public StageHost {
 
   std::string busy_with(const FrameHeader& header) const {
     std::string stages;
-    for (const auto& [stage, work] : at_work_)
+    for (const auto& [who, work] : at_work_)
       if (work.second && work.first == header.sequence)
-        stages += (stages.empty() ? "" : ", ") + stage;
+        stages += (stages.empty() ? "" : ", ") + who.first;
     return stages.empty() ? "an unknown stage" : stages;
   }
 
@@ -506,13 +730,15 @@ class StageRunner::Impl final : public StageHost {
     frame_ = header;
     status_.state = State::working;
     ++status_.frames_in;
+    if (source_ == nullptr) record_work(header, true);
   }
 
-  void end_frame(double milliseconds, bool failed) {
+  void end_frame(const FrameHeader& header, double milliseconds, bool failed) {
     const std::scoped_lock lock(mutex_);
     status_.state = State::waiting;
     ++(failed ? status_.frames_failed : status_.frames_out);
     latencies_.add(milliseconds);
+    if (source_ == nullptr) record_work(header, false);
   }
 
   void set_state(State state, std::string_view activity) {
@@ -528,12 +754,17 @@ class StageRunner::Impl final : public StageHost {
 
   idl::StageStatus current_status() const {
     idl::StageStatus status = status_;
+    status.repeated = join_.ignored();
+    status.queue = join_.waiting();
+    status.next = source_ != nullptr ? taken_ : join_.position().sequence;
+    status.settled = ledger_.settled(next_admission_);
     status.latency_median = latencies_.quantile(0.5);
     status.latency_p99 = latencies_.quantile(0.99);
     status.latency_sum = latencies_.sum();
     status.cpu_seconds = process_cpu_seconds();
     status.memory = resident_bytes();
     status.account = ledger_.account();
+    for (const auto& [key, traffic] : traffic_) status.ports.push_back(traffic);
     return status;
   }
 
@@ -541,23 +772,33 @@ class StageRunner::Impl final : public StageHost {
     std::unique_lock lock(mutex_);
     const idl::StageStatus status = current_status();
     FrameHeader header = this->header();
-    header.source = frame_.source;
-    header.epoch = frame_.epoch;
+    header.source = source_ != nullptr ? node_.name : frame_.source;
+    header.epoch = source_ != nullptr ? epoch_ : join_.position().epoch;
     header.sequence = frame_.sequence;
     header.name = frame_.name;
     header.model_id = frame_.model_id;
+    published_settled_ = status.settled;
     lock.unlock();
     status_writer_->write(idl::encode(header, status));
   }
 
   void tick() {
+    const auto begin = Clock::now();
+    auto published = begin;
     std::unique_lock lock(mutex_);
     while (!stop_) {
-      changed_.wait_for(lock, kStatusPeriod, [this] { return stop_; });
+      changed_.wait_for(lock, kTick, [this] { return stop_; });
+      const auto now = Clock::now();
+      if (now - begin > kResumePatience) join_.resume_anyway();
+      const bool news =
+          source_ != nullptr && ledger_.settled(next_admission_) != published_settled_;
       lock.unlock();
       try {
         if (source_ != nullptr) check_deadlines();
-        publish_status();
+        if (news || now - published >= kStatusPeriod) {
+          publish_status();
+          published = now;
+        }
       } catch (const Error&) {
         // The next tick tries again; what matters is published by the worker.
       }
@@ -569,22 +810,35 @@ class StageRunner::Impl final : public StageHost {
   const StageNode& node_;
   std::unique_ptr<Stage> stage_;
   SourceStage* source_;  // null unless the stage is one
-  const std::uint32_t generation_;
+  const RunnerOptions options_;
   const bool is_leaf_;
   const std::set<std::string> upstream_;
 
   mutable std::mutex mutex_;  // guards what follows, up to participant_
   std::condition_variable changed_;
   bool stop_ = false;
+  bool standby_;
+  bool draining_ = false;
+  bool replaced_ = false;  // a process of a later generation is in its place
+  Handover handover_;      // what a candidate was told when it took its place
+  std::vector<std::pair<std::string, idl::Bytes>> held_;  // latched values of a candidate
   Join join_;
   Ledger ledger_;
-  std::uint64_t epoch_ = 0;
-  std::map<std::string, std::deque<std::pair<std::uint64_t, Sample>>> latched_;
-  std::map<std::string, std::pair<std::uint64_t, bool>> at_work_;  // stage: sequence, working
+  std::uint64_t epoch_ = 0;           // sources, as the four that follow
+  std::uint64_t next_admission_ = 0;  // sequence
+  std::uint64_t published_settled_ = 0;
+  std::uint64_t taken_ = 0;  // frames taken from the input by all processes of this source
+  std::map<std::pair<std::string, std::uint32_t>, std::pair<std::uint64_t, bool>>
+      at_work_;  // stage and replica: sequence, working
   std::deque<std::pair<Clock::time_point, FrameHeader>> overdue_;
+  std::map<std::string, LatchedValues> latched_;
+  std::map<std::string, idl::PortTraffic> traffic_;  // "in/PORT", "out/PORT"
   idl::StageStatus status_;
   FrameHeader frame_;
   Latencies latencies_;
+  std::unique_ptr<Journal> journal_;
+  JournalRecord predecessor_;
+  JournalRecord record_;
 
   Participant participant_;
   std::map<std::string, std::unique_ptr<Writer>> outputs_;
@@ -592,7 +846,8 @@ class StageRunner::Impl final : public StageHost {
   std::unique_ptr<Writer> failure_writer_;
   std::unique_ptr<Writer> done_writer_;
   std::unique_ptr<Writer> end_writer_;
-  std::vector<std::unique_ptr<Reader>> readers_;
+  std::vector<std::unique_ptr<Reader>> readers_;  // the inputs' first, in their order
+  std::size_t input_readers_ = 0;
   std::thread worker_;
   std::thread timer_;
 };

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,15 +14,15 @@
 
 namespace cosegraph::graph {
 
-// Topics that belong to the graph rather than to a stage: "GRAPH/frame_done" and so on.
-std::string control_topic(const GraphDescription& graph, std::string_view what);
-
 // Sets the parameters that a graph file gives to `stage`. Throws GraphError with every fault.
 void apply_params(const GraphDescription& graph, const StageNode& node, Stage& stage);
 
 struct RunnerOptions {
   std::uint32_t generation = 0;     // > 0: started again in the middle of a stream
   std::vector<std::string> leaves;  // of the graph
+  std::uint32_t replica = 0;
+  bool standby = false;           // takes its place when it is told to (see control.hpp)
+  std::filesystem::path journal;  // what it leaves to its successor; empty: nothing
 };
 
 class StageRunner {

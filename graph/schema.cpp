@@ -128,6 +128,7 @@ Json message_types_of(const Catalog& catalog) {
 
 Json stage_schema(const Catalog& catalog) {
   Restart restart;
+  const Json count = {{"type", "integer"}, {"minimum", 1}, {"maximum", 64}};
   Json properties = {
       {"use", {{"oneOf", kinds_of(catalog)}, {"description", "Kind of stage."}}},
       {"exec", text("Executable of a stage of your own, relative to the graph file.")},
@@ -140,6 +141,10 @@ Json stage_schema(const Catalog& catalog) {
                          {"description", "Message type of this output of an exec stage."}})},
       {"params",
        {{"type", "object"}, {"description", "Parameters that differ from their defaults."}}},
+      {"replicas",
+       {{"description",
+         "How many processes share the frames of this stage out: a number, or a number per host."},
+        {"oneOf", {count, {{"type", "object"}, {"additionalProperties", count}}}}}},
       {"restart", object(properties_of(describe(restart)))}};
   Json result = object(std::move(properties));
   result["oneOf"] = {{{"required", {"use"}}, {"not", {{"required", {"outputs"}}}}},

@@ -65,6 +65,8 @@ class StageHost {
   virtual void publish_latched(const std::string& port, const idl::Bytes& bytes) = 0;
   virtual void report(std::string_view activity, double progress) = 0;
   virtual bool stopping() const = 0;
+  // This process goes on where another one of the same stage ended.
+  virtual bool resumed() const = 0;
   virtual idl::FrameHeader header() const = 0;
 };
 
@@ -84,6 +86,9 @@ class Stage {
   virtual void process(Frame& frame) = 0;
   // The stream is over and all of its frames have been processed or have failed.
   virtual void end() {}
+  // What its outputs depend on and a model must fit (see core/fields.hpp); a stage is not replaced
+  // by one of another recipe while frames flow. Asked for after start().
+  virtual std::string recipe() { return ""; }
   // What a frame is to the account when this stage is a leaf.
   virtual idl::Outcome leaf_outcome() const { return idl::Outcome::labelled; }
 
@@ -99,6 +104,9 @@ class Stage {
   }
   // Long work ends early when this is true.
   bool stopping() const { return host_ != nullptr && host_->stopping(); }
+  // Whether another process of this stage worked on the stream before: after a crash, or when a
+  // stage is swapped.
+  bool resumed() const { return host_ != nullptr && host_->resumed(); }
 
  private:
   friend class PortBase;

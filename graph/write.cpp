@@ -113,6 +113,13 @@ std::string stage_text(StageNode stage) {
   if (!stage.params.empty()) result += line(2, "params", "");
   for (const auto& [name, value, is_list, mark, value_mark] : stage.params)
     result += line(3, name, is_list || value.size() != 1 ? flow_list(value) : scalar(value[0]));
+  if (stage.replicas.size() == 1 && stage.replicas[0].host.empty()) {
+    result += line(2, "replicas", std::to_string(stage.replicas[0].count));
+  } else if (!stage.replicas.empty()) {
+    Joined shares;
+    for (const auto& share : stage.replicas) shares.add(share.host, std::to_string(share.count));
+    result += line(2, "replicas", shares.map());
+  }
   Restart defaults;
   if (recipe(describe(stage.restart)) != recipe(describe(defaults)))
     result += line(2, "restart", values(describe(stage.restart)).map());

@@ -9,6 +9,7 @@ class DescriptorsStage final : public graph::Stage {
  public:
   std::string summary() const override { return "local shape descriptors (FPFH, SHOT, place)"; }
   Fields parameters() override { return describe(params_); }
+  std::string recipe() override { return descriptors::recipe_of(params_); }
   void process(graph::Frame& frame) override {
     out_.put(frame, descriptors::compute(cloud_.get(frame), params_));
   }

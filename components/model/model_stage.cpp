@@ -18,7 +18,11 @@ class ModelStage final : public graph::Stage {
     const Model model = model::from_bytes(io::read_file(file_), file_);
     appearance_.put(model.appearance);
     relations_.put(model.relation);
+    recipe_ = model.appearance.cloud_recipe + "; " + model.appearance.descriptor_recipe + "; " +
+              model.relation.spectrum_recipe;
   }
+  // Of what its frames must be made like.
+  std::string recipe() override { return recipe_; }
 
   void process(graph::Frame&) override {}
 
@@ -28,6 +32,7 @@ class ModelStage final : public graph::Stage {
   graph::LatchedOutput<RelationModel> relations_{*this, "relations",
                                                  "part pairs and neighbourhoods"};
   std::string file_;
+  std::string recipe_;
 };
 
 }  // namespace

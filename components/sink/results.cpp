@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <set>
 
 namespace cosegraph::sink {
 namespace {
@@ -27,6 +28,43 @@ std::string percent(double fraction) {
   char text[16];
   std::snprintf(text, sizeof text, "%.1f %%", 100.0 * fraction);
   return text;
+}
+
+using Json = nlohmann::ordered_json;
+
+Json frame_json(const Result& result) {
+  Json frame{{"name", result.name},
+             {"points", result.points},
+             {"labelled_points", result.labelled_points},
+             {"segments", result.segments}};
+  Json labels = Json::object();
+  for (std::size_t l = 0; l < result.label_names.size(); ++l)
+    labels[result.label_names[l]] = result.points_per_label[l];
+  frame["points_per_label"] = std::move(labels);
+  frame["mean_confidence"] = result.mean_confidence;
+  frame["energy"] = result.energy;
+  frame["proven_optimal"] = result.proven_optimal;
+  frame["gap"] = result.gap;
+  frame["violations"] = result.violations;
+  frame["notes"] = result.notes;
+  if (const auto& truth = result.evaluation) {
+    frame["accuracy"] = truth->accuracy;
+    frame["majority_floor"] = truth->floor;
+    frame["oracle"] = truth->oracle;
+    frame["unknown_labels"] = truth->unknown;
+  }
+  return frame;
+}
+
+Json earlier_frames(std::string_view text) {
+  if (text.empty()) return Json::array();
+  try {
+    Json frames = Json::parse(text).at("frames");
+    for (const auto& frame : frames) frame.at("name").get_ref<const std::string&>();
+    return frames;
+  } catch (const Json::exception& error) {
+    throw InputError(std::string("earlier results cannot be read: ") + error.what());
+  }
 }
 
 }  // namespace
@@ -56,40 +94,26 @@ Result result_of(const std::string& name, const Cloud& input, const Segments& se
   return result;
 }
 
-std::string results_json(std::span<const Result> results) {
-  nlohmann::ordered_json frames = nlohmann::ordered_json::array();
+std::string results_json(std::span<const Result> results, std::string_view earlier) {
+  std::set<std::string, std::less<>> names;
+  for (const auto& result : results) names.insert(result.name);
+  Json frames = earlier_frames(earlier);
+  std::erase_if(frames.get_ref<Json::array_t&>(), [&](const Json& frame) {
+    return names.contains(frame["name"].get_ref<const std::string&>());
+  });
+  for (const auto& result : results) frames.push_back(frame_json(result));
+  Json all{{"frames", frames}};
   double accuracy = 0.0;
   double floor = 0.0;
   double oracle = 0.0;
   int evaluated = 0;
-  for (const auto& result : results) {
-    nlohmann::ordered_json frame{{"name", result.name},
-                                 {"points", result.points},
-                                 {"labelled_points", result.labelled_points},
-                                 {"segments", result.segments}};
-    nlohmann::ordered_json labels = nlohmann::ordered_json::object();
-    for (std::size_t l = 0; l < result.label_names.size(); ++l)
-      labels[result.label_names[l]] = result.points_per_label[l];
-    frame["points_per_label"] = std::move(labels);
-    frame["mean_confidence"] = result.mean_confidence;
-    frame["energy"] = result.energy;
-    frame["proven_optimal"] = result.proven_optimal;
-    frame["gap"] = result.gap;
-    frame["violations"] = result.violations;
-    frame["notes"] = result.notes;
-    if (const auto& truth = result.evaluation) {
-      frame["accuracy"] = truth->accuracy;
-      frame["majority_floor"] = truth->floor;
-      frame["oracle"] = truth->oracle;
-      frame["unknown_labels"] = truth->unknown;
-      accuracy += truth->accuracy;
-      floor += truth->floor;
-      oracle += truth->oracle;
-      ++evaluated;
-    }
-    frames.push_back(std::move(frame));
+  for (const auto& frame : frames) {
+    if (!frame.contains("accuracy")) continue;
+    accuracy += frame["accuracy"].get<double>();
+    floor += frame["majority_floor"].get<double>();
+    oracle += frame["oracle"].get<double>();
+    ++evaluated;
   }
-  nlohmann::ordered_json all{{"frames", std::move(frames)}};
   if (evaluated > 0)
     all["mean"] = {{"frames", evaluated},
                    {"accuracy", accuracy / evaluated},

@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/values.hpp"
@@ -31,7 +32,9 @@ Result result_of(const std::string& name, const Cloud& input, const Segments& se
                  const Labelling& labelling);
 
 // {"frames": [...], "mean": {...}} with figures in 0 .. 1; the mean is over evaluated frames.
-std::string results_json(std::span<const Result> results);
+// `earlier` is such a text, or empty: its frames come first, those of a name in `results` left out.
+// Throws InputError if it is something else.
+std::string results_json(std::span<const Result> results, std::string_view earlier = "");
 
 struct PictureOf {
   std::string name;

@@ -45,7 +45,7 @@ class SinkStage final : public graph::Stage {
     fs::create_directories(folder_, error);
     if (error) throw InputError(folder_ + ": cannot be made: " + error.message());
     // Found out now rather than after the first frame.
-    io::write_file(fs::path(folder_) / "results.json", sink::results_json({}));
+    if (!resumed()) io::write_file(results_file(), sink::results_json({}));
     if (!reference_.empty()) reference_cloud_ = io::read_cloud(reference_);
   }
 
@@ -60,11 +60,15 @@ class SinkStage final : public graph::Stage {
     const io::Column confidence{.name = "confidence", .value = labelled.confidence};
     io::write_cloud(base.string() + "." + std::string(to_name(format_)), labelled.cloud,
                     {&confidence, 1});
+    if (resumed() && results_.empty() && fs::exists(results_file()))
+      earlier_ = io::read_file(results_file());
     results_.push_back(sink::result_of(frame.name(), input, segments, labelling));
-    io::write_file(fs::path(folder_) / "results.json", sink::results_json(results_));
+    io::write_file(results_file(), sink::results_json(results_, earlier_));
   }
 
  private:
+  fs::path results_file() const { return fs::path(folder_) / "results.json"; }
+
   void write_picture(const fs::path& file, const std::string& name, const Cloud& input,
                      const Segments& segments, const Labelling& labelling) const {
     io::write_file(
@@ -84,6 +88,7 @@ class SinkStage final : public graph::Stage {
   bool picture_ = false;
   Cloud reference_cloud_;
   std::vector<sink::Result> results_;
+  std::string earlier_;  // results of the processes of this stage that came before
 };
 
 }  // namespace

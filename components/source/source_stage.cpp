@@ -41,6 +41,8 @@ class SourceStage final : public graph::SourceStage {
     return concatenated(std::move(fields), prefixed("camera", describe(camera_)));
   }
 
+  std::string recipe() override { return cosegraph::recipe(describe(params_)); }
+
   void start() override { items_ = inputs::list(paths_, camera_, labels_); }
 
   std::optional<std::string> next() override {

@@ -9,6 +9,7 @@ class SpectraStage final : public graph::Stage {
  public:
   std::string summary() const override { return "Laplace-Beltrami eigenpairs of the cloud"; }
   Fields parameters() override { return describe(params_); }
+  std::string recipe() override { return cosegraph::recipe(describe(params_)); }
   void process(graph::Frame& frame) override {
     out_.put(frame, spectra::compute(cloud_.get(frame), params_));
   }

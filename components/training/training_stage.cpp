@@ -18,12 +18,18 @@ class TrainingStage final : public graph::Stage {
   }
 
   void process(graph::Frame& frame) override {
+    if (resumed() && views_.empty() && frame.header().sequence > 0)
+      throw Error(
+          "training was started again in the middle of the stream, and lacks the frames "
+          "before this one: start the graph anew");
     training::View view{.cloud = cloud_.get(frame), .descriptors = descriptors_.get(frame)};
     if (spectrum_.connected()) view.spectrum = spectrum_.get(frame);
     views_.push_back(std::move(view));
   }
 
   void end() override {
+    if (resumed() && views_.empty())
+      throw Error("training was started again and lacks its views: start the graph anew");
     const Model model = training::train(
         views_, params_, [this](std::string_view step, double done) { report(step, done); });
     if (!file_.empty()) io::write_file(file_, model::to_bytes(model));

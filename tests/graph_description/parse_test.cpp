@@ -32,6 +32,8 @@ std::string content_of(GraphDescription graph) {
       add((setting.is_list ? "list " : "value ") + setting.name);
       for (const auto& value : setting.value) add(value);
     }
+    for (const auto& share : stage.replicas)
+      add("replicas " + share.host + " " + std::to_string(share.count));
     add(recipe(describe(stage.restart)));
   }
   return text;
@@ -99,6 +101,14 @@ GraphDescription random_graph(Random& random) {
     }
     stage.restart.policy = static_cast<RestartPolicy>(random.below(2));
     stage.restart.max = static_cast<int>(random.below(9));
+    stage.restart.backoff = 0.25 * static_cast<double>(random.below(5));
+    if (random.below(3) == 0) {
+      stage.replicas.push_back({.count = 1 + static_cast<int>(random.below(5))});
+    } else {
+      for (int k = 0; k < static_cast<int>(random.below(3)); ++k)
+        stage.replicas.push_back({.host = random_name(random) + std::to_string(k),
+                                  .count = 1 + static_cast<int>(random.below(5))});
+    }
     graph.stages.push_back(stage);
   }
   return graph;
@@ -133,6 +143,17 @@ TEST(Parse, ReadsEveryKey) {
   EXPECT_EQ(features.restart.max, 2);
   EXPECT_EQ(graph.stage("svm")->restart.policy, RestartPolicy::never);
   EXPECT_EQ(graph.stage("nobody"), nullptr);
+}
+
+TEST(Parse, ReplicasAreOnTheStagesHostOrSharedOutOverHosts) {
+  const GraphDescription graph = parsed(
+      "version: 1\ngraph: g\nstages:\n"
+      "  one: {use: cpc, host: robot}\n"
+      "  three: {use: cpc, host: robot, replicas: 3}\n"
+      "  spread: {use: cpc, host: robot, replicas: {rack: 2, robot: 1}}\n");
+  EXPECT_THAT(hosts_of(*graph.stage("one")), ElementsAre("robot"));
+  EXPECT_THAT(hosts_of(*graph.stage("three")), ElementsAre("robot", "robot", "robot"));
+  EXPECT_THAT(hosts_of(*graph.stage("spread")), ElementsAre("rack", "rack", "robot"));
 }
 
 TEST(Parse, ReadsWhatExecStagesDeclare) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "core/random.hpp"
 
 namespace cosegraph::graph {
@@ -103,8 +105,43 @@ TEST(Join, NewEpochForgetsTheOldOne) {
   EXPECT_EQ(join.take()->header.epoch, 2U);
 }
 
-TEST(Join, RestartedStageBeginsWithTheFirstFrameItCanComplete) {
-  Join join({"a", "b"}, true);
+using Start = JoinOptions::Start;
+
+// Releases everything that is ready; the sequences.
+std::vector<std::uint64_t> all_ready(Join& join) {
+  std::vector<std::uint64_t> result;
+  while (const auto next = join.take())
+    if (next->kind != Kind::ended) result.push_back(next->header.sequence);
+  return result;
+}
+
+using Sequences = std::vector<std::uint64_t>;
+
+TEST(Join, RestartedStageGoesOnBehindTheFramesThatAreOver) {
+  Join join({"a", "b"}, {.start = Start::resume});
+  for (std::uint64_t sequence = 4; sequence < 9; ++sequence) {
+    join.add("a", frame(sequence), sample());
+    join.add("b", frame(sequence), sample());
+  }
+  EXPECT_FALSE(join.ready()) << "some of these may be over";
+  join.settle({1, 6});
+  EXPECT_EQ(all_ready(join), (Sequences{6, 7, 8}));
+  join.add("a", frame(5), sample());
+  EXPECT_EQ(join.ignored(), 1U);
+}
+
+TEST(Join, RestartedStageWaitsForWhatUpstreamHasToDoAgain) {
+  Join join({"a"}, {.start = Start::resume});
+  join.settle({1, 6});
+  join.add("a", frame(7), sample());
+  EXPECT_FALSE(join.ready());
+  join.add("a", frame(6), sample());
+  EXPECT_EQ(all_ready(join), (Sequences{6, 7}));
+}
+
+TEST(Join, WithoutWordFromTheSourceTheFirstFrameThatCanBeCompletedIsNext) {
+  Join join({"a", "b"}, {.start = Start::resume});
+  join.resume_anyway();
   join.add("a", frame(6), sample());
   join.add("a", frame(7), sample());
   EXPECT_FALSE(join.ready()) << "b may still have older frames to give";
@@ -113,6 +150,100 @@ TEST(Join, RestartedStageBeginsWithTheFirstFrameItCanComplete) {
   join.add("a", frame(9), sample());
   join.add("b", frame(9), sample());
   EXPECT_FALSE(join.ready()) << "from here on without gaps";
+}
+
+TEST(Join, FramesThatAreOverForEverybodyAreNotWaitedFor) {
+  Join join({"a"});
+  join.add("a", frame(0), sample());
+  join.add("a", frame(3), sample());
+  EXPECT_EQ(all_ready(join), (Sequences{0}));
+  join.settle({1, 3});
+  EXPECT_EQ(all_ready(join), (Sequences{3}));
+}
+
+TEST(Join, WordOfANewEpochEndsTheOldOne) {
+  Join join({"a"});
+  join.add("a", frame(0, 1), sample());
+  join.settle({2, 0});
+  EXPECT_FALSE(join.ready());
+  join.add("a", frame(0, 2), sample());
+  EXPECT_TRUE(join.ready());
+}
+
+TEST(Join, StandbyReleasesNothingUntilItIsToldWhereToBegin) {
+  Join join({"a"}, {.start = Start::standby});
+  for (std::uint64_t sequence = 0; sequence < 6; ++sequence)
+    join.add("a", frame(sequence), sample());
+  join.settle({1, 2});
+  EXPECT_FALSE(join.ready());
+  join.activate({1, 4});
+  EXPECT_EQ(join.position(), (StreamPosition{1, 4}));
+  EXPECT_EQ(all_ready(join), (Sequences{4, 5}));
+}
+
+TEST(Join, StandbyIsBoundedByTheWindow) {
+  Join join({"a"}, {.start = Start::standby, .window = 3});
+  for (std::uint64_t sequence = 0; sequence < 1000; ++sequence)
+    join.add("a", frame(sequence), sample());
+  EXPECT_LE(join.waiting(), 8U);
+  join.activate({1, 998});
+  EXPECT_EQ(all_ready(join), (Sequences{998, 999}));
+}
+
+// The one that was to be replaced died: everything that is not over is done again.
+TEST(Join, StandbyWithoutAPositionDoesAllThatIsNotOver) {
+  Join join({"a"}, {.start = Start::standby});
+  for (std::uint64_t sequence = 0; sequence < 6; ++sequence)
+    join.add("a", frame(sequence), sample());
+  join.settle({1, 3});
+  join.activate({});
+  EXPECT_EQ(all_ready(join), (Sequences{3, 4, 5}));
+}
+
+TEST(Join, StandbyThatIsActivatedBeforeTheStreamBeginsTakesItFromTheBeginning) {
+  Join join({"a"}, {.start = Start::standby});
+  join.activate({});
+  join.add("a", frame(0), sample());
+  EXPECT_EQ(all_ready(join), (Sequences{0}));
+}
+
+// For any order of arrival the replicas together release every frame once, each in sequence.
+TEST(Join, ReplicasShareFramesOut) {
+  constexpr int kReplicas = 3;
+  std::vector<Join> joins;
+  for (int i = 0; i < kReplicas; ++i)
+    joins.emplace_back(std::vector<std::string>{"a"},
+                       JoinOptions{.window = 4, .replica = i, .replicas = kReplicas});
+  std::multiset<std::uint64_t> released;
+  for (std::uint64_t sequence = 0; sequence < 30; ++sequence)
+    for (auto& join : joins) {
+      join.add("a", frame(sequence), sample());
+      const auto own = all_ready(join);
+      released.insert(own.begin(), own.end());
+    }
+  EXPECT_EQ(released.size(), 30U);
+  EXPECT_EQ(std::set<std::uint64_t>(released.begin(), released.end()).size(), 30U);
+  for (auto& join : joins) {
+    EXPECT_EQ(join.waiting(), 0U);
+    join.end(frame(30), 30);
+    EXPECT_EQ(join.take()->kind, Kind::ended);
+  }
+}
+
+TEST(Join, FramesOfAReplicaThatIsGivenUpFallToTheNextOne) {
+  Join join({"a"}, {.window = 8, .replica = 1, .replicas = 3});
+  for (std::uint64_t sequence = 0; sequence < 6; ++sequence)
+    join.add("a", frame(sequence), sample());
+  EXPECT_EQ(all_ready(join), (Sequences{1, 4}));
+  join.settle({1, 2});
+  join.give_up(0, true);
+  EXPECT_EQ(all_ready(join), (Sequences{3})) << "0 is over";
+  join.add("a", frame(6), sample());
+  join.add("a", frame(7), sample());
+  EXPECT_EQ(all_ready(join), (Sequences{6, 7}));
+  join.give_up(0, false);
+  join.add("a", frame(9), sample());
+  EXPECT_EQ(all_ready(join), (Sequences{})) << "9 is the returned one's";
 }
 
 }  // namespace

@@ -50,6 +50,19 @@ TEST(Results, JsonHoldsFramesAndTheirMean) {
   EXPECT_NEAR(json["mean"]["accuracy"].get<double>(), 2.0 / 3.0, 1e-12);
 }
 
+// A sink that is started again adds to what its predecessor has written.
+TEST(Results, EarlierOnesStayUnlessTheyAreDoneAgain) {
+  Result first = result_of("first", kInput, kSegments, kLabelling);
+  Result second = result_of("second", kInput, kSegments, kLabelling);
+  Result third = result_of("third", kInput, kSegments, kLabelling);
+  const std::string whole = results_json(std::vector{first, second, third});
+  EXPECT_EQ(results_json(std::vector{third}, results_json(std::vector{first, second})), whole);
+  EXPECT_EQ(results_json(std::vector{second, third}, results_json(std::vector{first, second})),
+            whole);
+  EXPECT_THROW(results_json({}, "[1, 2"), InputError);
+  EXPECT_THROW(results_json({}, "{\"frames\": [{\"label\": 1}]}"), InputError);
+}
+
 TEST(Results, WithoutTrueLabelsThereIsNoMean) {
   EXPECT_FALSE(nlohmann::json::parse(results_json({})).contains("mean"));
 }

@@ -1,0 +1,43 @@
+// The topics of a graph that carry no frames, and the orders that travel on them.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "graph/description.hpp"
+#include "graph/join.hpp"
+#include "idl/codec.hpp"
+
+namespace cosegraph::graph {
+
+// "GRAPH/frame_done" and so on.
+std::string control_topic(const GraphDescription& graph, std::string_view what);
+
+// How one process of a stage is called: "cpc", of several replicas "cpc.0", "cpc.1", ...
+std::string process_name(const StageNode& stage, std::uint32_t replica);
+
+// Orders to a stage (Command::verb); `generation` says to which of those that bear its name.
+namespace verb {
+constexpr std::string_view kDrain = "drain";        // finish the frame in work, then hold
+constexpr std::string_view kRelease = "release";    // go on after a drain
+constexpr std::string_view kActivate = "activate";  // end of standby; words: a Handover per replica
+}  // namespace verb
+
+// What one process of a stage leaves to the one that takes its place.
+struct Handover {
+  std::uint32_t replica = 0;
+  StreamPosition next;      // the first frame that it has not done
+  std::uint64_t taken = 0;  // sources: frames taken from the input
+  idl::Account account;     // sources
+
+  std::string to_word() const;
+  static std::optional<Handover> from_word(const std::string& word);
+};
+
+// A name for a request that nobody else has.
+std::uint64_t random_id();
+
+}  // namespace cosegraph::graph
