@@ -35,14 +35,24 @@ fs::path program(const std::string& name) {
   return {};
 }
 
+constexpr const char* kNoBrowser =
+    "Chromium is not installed (tools/setup installs it), or the page was not built";
+
+// A browser; empty: none is installed.
+fs::path browser() {
+  const fs::path small = program("chromium-headless-shell");
+  return small.empty() ? program("chromium") : small;
+}
+
 class Clients : public testing::Test {
  protected:
   // Installs the clients, once per build folder.
   void SetUp() override {
     if (program("node").empty() || program("npm").empty())
-      GTEST_SKIP() << "node and npm are not installed";
+      GTEST_SKIP() << "node and npm are not installed (tools/setup installs them)";
     fs::create_directories(clients_);
-    for (const auto name : {"package.json", "package-lock.json", "protocol.mjs", "page.mjs"})
+    for (const auto name : {"package.json", "package-lock.json", "protocol.mjs", "browser.mjs",
+                            "page.mjs", "swap.mjs"})
       fs::copy_file(fs::path(COSEGRAPH_SOURCE_DIR) / "tests/monitor/npm" / name, clients_ / name,
                     fs::copy_options::overwrite_existing);
     const std::string lock = test::slurp(clients_ / "package-lock.json");
@@ -62,16 +72,19 @@ class Clients : public testing::Test {
     }
   }
 
-  // A graph that labels frames for longer than any test looks at it.
-  void start_graph() {
+  // A graph that labels frames for longer than any test looks at it, by "run" or by "up".
+  void start_graph(const std::string& how = "run", int frames = 2000,
+                   const std::string& rate = "1") {
     ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runs").c_str(), 1);
     fs::create_directories(world_.path("stream"));
-    for (int i = 0; i < 2000; ++i)
+    for (int i = 0; i < frames; ++i)
       fs::create_hard_link(world_.path("queries/query-view" + std::to_string(i % 2) + ".ply"),
                            world_.path("stream/frame" + std::to_string(i) + ".ply"));
     run_ = std::make_unique<test::Program>(std::vector<std::string>{
-        "cosegraph", "segment", "--model", world_.path("model.coseg"), world_.path("stream"), "-o",
-        world_.path("out"), "--param", "source.rate=1"});
+        "cosegraph", how, std::string(COSEGRAPH_SOURCE_DIR) + "/config/graphs/segment.yaml",
+        "--param", "model.file=" + world_.path("model.coseg"), "--param",
+        "source.path=" + world_.path("stream"), "--param", "source.rate=" + rate, "--param",
+        "sink.folder=" + world_.path("out")});
   }
 
   // Its address, as "127.0.0.1:PORT".
@@ -111,15 +124,19 @@ class Clients : public testing::Test {
 
   json look_at_page(const std::string& address, const std::string& theme,
                     std::vector<std::string> topics) const {
-    const fs::path pictures = fs::path(COSEGRAPH_BINARY_DIR) / "tests/monitor_pictures";
-    fs::create_directories(pictures);
-    topics.insert(topics.begin(), {"page.mjs", program("chromium").string(), "http://" + address,
-                                   pictures.string(), theme});
+    topics.insert(topics.begin(),
+                  {"page.mjs", browser().string(), "http://" + address, pictures(), theme});
     return node(topics);
   }
 
+  static std::string pictures() {
+    const fs::path folder = fs::path(COSEGRAPH_BINARY_DIR) / "tests/monitor_pictures";
+    fs::create_directories(folder);
+    return folder.string();
+  }
+
   static bool can_browse() {
-    return !program("chromium").empty() &&
+    return !browser().empty() &&
            fs::exists(fs::path(COSEGRAPH_BINARY_DIR) / "share/cosegraph/web/index.html");
   }
 
@@ -155,6 +172,11 @@ TEST_F(Clients, TheProtocolsOwnClientReadsARunningGraph) {
   EXPECT_THAT(seen["graph"]["subscribedTopics"],
               Contains(json{{"name", "segment/astar/labelling"}, {"subscriberIds", {"sink"}}}));
 
+  EXPECT_EQ(seen["service"]["name"], "segment/swap");
+  EXPECT_TRUE(json::accept(seen["service"]["request"]["schema"].get<std::string>()));
+  EXPECT_EQ(seen["refusal"]["callId"], 7);
+  EXPECT_EQ(seen["refusal"]["message"], "there is no stage 'nobody'");
+
   const json& cloud = seen["values"]["segment/source/dense"]["value"];
   EXPECT_EQ(cloud["header"]["graph"], "segment");
   EXPECT_THAT(cloud["header"]["name"].get<std::string>(), HasSubstr("frame"));
@@ -184,7 +206,7 @@ TEST_F(Clients, TheProtocolsOwnClientReadsARunningGraph) {
 }
 
 TEST_F(Clients, APersonSeesARunningGraph) {
-  if (!can_browse()) GTEST_SKIP() << "chromium is not installed, or the page was not built";
+  if (!can_browse()) GTEST_SKIP() << kNoBrowser;
   start_graph();
   const std::string address = start_monitor({"segment"});
   const std::vector<std::string> topics = {
@@ -220,19 +242,57 @@ TEST_F(Clients, APersonSeesARunningGraph) {
   EXPECT_EQ(seen["otherTheme"], "dark");
 }
 
+TEST_F(Clients, APersonSwapsAStage) {
+  if (!can_browse()) GTEST_SKIP() << kNoBrowser;
+  start_graph("up");
+  const std::string address = start_monitor({"segment"});
+  const json seen = node({"swap.mjs", browser().string(), "http://" + address, pictures(), "light",
+                          "cpc", "min_segment", "5", "-1"});
+  ASSERT_TRUE(seen.is_object());
+  EXPECT_THAT(seen["errors"], IsEmpty());
+  EXPECT_THAT(seen["processes"], SizeIs(1));
+  EXPECT_EQ(seen["bad"]["kind"], "bad");
+  EXPECT_THAT(seen["bad"]["text"].get<std::string>(), HasSubstr("min_segment"));
+  EXPECT_EQ(seen["trial"]["kind"], "good");
+  EXPECT_THAT(seen["trial"]["text"].get<std::string>(), HasSubstr("Nothing was changed"));
+  EXPECT_EQ(seen["swap"]["kind"], "good");
+  EXPECT_THAT(seen["swap"]["text"].get<std::string>(), HasSubstr("longest pause"));
+}
+
+TEST_F(Clients, APersonSeesARecording) {
+  if (!can_browse()) GTEST_SKIP() << kNoBrowser;
+  ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runs").c_str(), 1);
+  test::Program recorder(
+      {"cosegraph", "record", "segment", "-o", world_.path("run.mcap"), "--wait"});
+  start_graph("run", 4, "2");
+  const test::Outcome recorded = recorder.wait();
+  ASSERT_EQ(recorded.status, 0) << recorded.errors;
+  const std::string address = start_monitor({world_.path("run.mcap")});
+  const json seen =
+      look_at_page(address, "dark", {"segment/spectra/spectrum", "segment/astar/labelling"});
+  ASSERT_TRUE(seen.is_object());
+  EXPECT_THAT(seen["errors"], IsEmpty());
+  EXPECT_EQ(seen["pill"], "file");
+  EXPECT_EQ(seen["stages"], 10);
+  EXPECT_EQ(seen["topics"]["segment/spectra/spectrum"]["charts"], 3);
+  EXPECT_GT(seen["topics"]["segment/astar/labelling"]["drawn"], 0.03);
+}
+
 TEST_F(Clients, APersonSeesFilesWithoutAGraph) {
-  if (!can_browse()) GTEST_SKIP() << "chromium is not installed, or the page was not built";
+  if (!can_browse()) GTEST_SKIP() << kNoBrowser;
   test::World::expect_fine({"cosegraph", "segment", "--model", world_.path("model.coseg"),
                             world_.path("queries"), "-o", world_.path("out")});
   const std::string address =
-      start_monitor({world_.path("out"), world_.path("queries"), world_.path("model.coseg")});
-  const json seen = look_at_page(address, "dark", {"file/cloud", "file/labelling"});
+      start_monitor({world_.path("out"), world_.path("model.coseg"), "--spectrum"});
+  const json seen =
+      look_at_page(address, "dark", {"file/cloud", "file/labelling", "file/spectrum"});
   ASSERT_TRUE(seen.is_object());
   EXPECT_THAT(seen["errors"], IsEmpty());
   EXPECT_EQ(seen["pill"], "file");
   EXPECT_EQ(seen["theme"], "dark");
   EXPECT_GT(seen["topics"]["file/labelling"]["drawn"], 0.03);
   EXPECT_THAT(seen["topics"]["file/labelling"]["legend"].get<std::string>(), HasSubstr("handle"));
+  EXPECT_EQ(seen["topics"]["file/spectrum"]["charts"], 3);
   EXPECT_EQ(seen["stages"], 0);
 }
 

@@ -84,6 +84,33 @@ TEST_F(Files, BadOnesAreNamed) {
   }
 }
 
+// A bent sheet, large enough to have a spectrum.
+TEST_F(Files, SpectraOnRequest) {
+  Cloud sheet{.origin = {0.5F, 0.5F, 3.0F}};
+  constexpr int kSide = 80;
+  for (int i = 0; i < kSide; ++i)
+    for (int j = 0; j < kSide; ++j) {
+      const float x = static_cast<float>(i) / kSide;
+      const float y = static_cast<float>(j) / kSide;
+      sheet.xyz.insert(sheet.xyz.end(), {x, y, 0.2F * x * x});
+    }
+  sheet.width = kSide * kSide;
+  io::write_cloud(folder_ / "sheet.ply", sheet, {});
+  FileFeed feed({(folder_ / "sheet.ply").string()}, true);
+  const auto spectra = messages(feed, "file/spectrum");
+  ASSERT_THAT(spectra, SizeIs(1));
+  const auto spectrum = idl::decode<Spectrum>(*spectra[0].payload);
+  const auto reduced = idl::decode<Cloud>(*messages(feed, "file/reduced")[0].payload);
+  EXPECT_EQ(spectrum.nearest_sample.size(), reduced.size());
+  ASSERT_FALSE(spectrum.sample.empty());
+  // A sample is where the point of the file is that stands for it.
+  for (std::size_t s = 0; s < spectrum.sample.size(); ++s)
+    for (std::size_t axis = 0; axis < 2; ++axis)
+      EXPECT_NEAR(sheet.xyz[3 * static_cast<std::size_t>(spectrum.sample_dense[s]) + axis],
+                  reduced.xyz[3 * static_cast<std::size_t>(spectrum.sample[s]) + axis], 0.05);
+  EXPECT_THROW(FileFeed({write_cloud("small.ply", false)}, true), InputError);
+}
+
 TEST_F(Files, GraphFilesAreNotForViewing) {
   io::write_file(folder_ / "graph.yaml", "version: 1\n");
   EXPECT_FALSE(is_viewable(folder_ / "graph.yaml"));

@@ -78,7 +78,7 @@ TEST(ServerMessage, SaysWhatItOffers) {
   EXPECT_EQ(info["op"], "serverInfo");
   EXPECT_EQ(info["name"], "name");
   EXPECT_EQ(info["sessionId"], "session");
-  EXPECT_EQ(info["capabilities"], json::array({"connectionGraph"}));
+  EXPECT_EQ(info["capabilities"], (json{"connectionGraph", "services"}));
 }
 
 TEST(ServerMessage, AdvertisesWithIdsInOrder) {
@@ -106,7 +106,7 @@ TEST(ServerMessage, ConnectionGraphHasPublishersAndSubscribers) {
       {.topic = "g/a/x", .publishers = {"a"}, .subscribers = {"b", "c"}},
       {.topic = "g/b/y", .publishers = {"b"}}};
   const std::vector<std::string> removed = {"g/old"};
-  const json message = json::parse(connection_graph(channels, removed));
+  const json message = json::parse(connection_graph(channels, {}, removed));
   EXPECT_EQ(message["publishedTopics"], (json{{{"name", "g/a/x"}, {"publisherIds", {"a"}}},
                                               {{"name", "g/b/y"}, {"publisherIds", {"b"}}}}));
   EXPECT_EQ(message["subscribedTopics"],
@@ -120,6 +120,51 @@ TEST(ServerMessage, DroppedOnesAreCounted) {
   EXPECT_EQ(message["id"], "dropped");
   EXPECT_THAT(message["message"].get<std::string>(), HasSubstr("7 messages"));
   EXPECT_EQ(message["dropped"]["g/b/y"], 4);
+}
+
+std::string call_bytes(const std::string& encoding, const std::string& request) {
+  std::string bytes("\2\7\0\0\0\11\1\0\0", 9);
+  bytes += static_cast<char>(encoding.size());
+  return bytes + std::string(3, '\0') + encoding + request;
+}
+
+TEST(ServiceCall, IsParsed) {
+  const ServiceCall call = parse_service_call(call_bytes("json", "{}"));
+  EXPECT_EQ(call.service, 7U);
+  EXPECT_EQ(call.call, 256U + 9U);
+  EXPECT_EQ(call.encoding, "json");
+  EXPECT_EQ(call.request, "{}");
+}
+
+TEST(ServiceCall, OthersAreRefused) {
+  const std::string whole = call_bytes("json", "");
+  for (std::size_t size = 0; size < whole.size(); ++size)
+    EXPECT_THROW(parse_service_call(whole.substr(0, size)), InputError) << size;
+  EXPECT_THROW(parse_service_call(call_bytes("cdr", "")), InputError);
+  EXPECT_THROW(parse_service_call("\1" + whole.substr(1)), InputError);
+}
+
+TEST(ServiceCall, IsAnsweredInItsEncoding) {
+  const ServiceCall call = parse_service_call(call_bytes("json", "{}"));
+  EXPECT_EQ(service_response(call, "[1]"), "\3" + call_bytes("json", "[1]").substr(1));
+  const json failure = json::parse(service_failure(call, "busy"));
+  EXPECT_EQ(
+      failure,
+      (json{{"op", "serviceCallFailure"}, {"serviceId", 7}, {"callId", 265}, {"message", "busy"}}));
+}
+
+TEST(ServerMessage, AdvertisesServices) {
+  const std::vector<Service> services{
+      {.name = "g/swap", .request_schema = "{}", .response_schema = "[]"}};
+  const json message = json::parse(advertise_services(services, 3));
+  EXPECT_EQ(message["op"], "advertiseServices");
+  const json& one = message["services"][0];
+  EXPECT_EQ(one["id"], 3);
+  EXPECT_EQ(one["name"], "g/swap");
+  EXPECT_EQ(one["request"]["encoding"], "json");
+  EXPECT_EQ(one["response"]["schema"], "[]");
+  EXPECT_EQ(json::parse(unadvertise_services(3, 2))["serviceIds"], (json{3, 4}));
+  EXPECT_EQ(json::parse(connection_graph({}, services))["advertisedServices"][0]["name"], "g/swap");
 }
 
 TEST(ServerMessage, TextThatIsNoUtf8IsStillJson) {

@@ -48,6 +48,12 @@ class FakeFeed final : public Feed {
     deliver_(channel, {.time = 6, .payload = std::make_shared<const idl::Bytes>(size)});
   }
 
+  // Answers with the request, or refuses it if it is empty.
+  const std::vector<Service>& services() const override { return services_; }
+  void call(std::size_t, const std::string& request, Reply reply) override {
+    reply({.done = !request.empty(), .text = request.empty() ? "nothing is asked" : request});
+  }
+
   std::atomic<bool> opened = false;
   std::array<std::atomic<int>, 2> subscribed{};
 
@@ -56,6 +62,7 @@ class FakeFeed final : public Feed {
   std::vector<Channel> channels_ = {
       {.topic = "f/a/x", .encoding = "cdr", .publishers = {"a"}, .subscribers = {"b"}},
       {.topic = "f/monitor", .encoding = "json"}};
+  std::vector<Service> services_ = {{.name = "f/swap"}};
   Deliver deliver_;
 };
 
@@ -338,6 +345,33 @@ TEST_F(ServerTest, AnAddressInUseIsToldByName) {
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), HasSubstr("127.0.0.1:" + std::to_string(options_.port)));
   }
+}
+
+TEST_F(ServerTest, ServicesAreCalled) {
+  start();
+  Client client(server_->port());
+  client.open();
+  const json offered = client.hear("advertiseServices");
+  const std::uint8_t id = offered["services"][0]["id"];
+  const auto call = [&](std::uint8_t service, const std::string& request) {
+    std::string bytes{2, static_cast<char>(service), 0, 0, 0, 5, 0, 0, 0, 4, 0, 0, 0};
+    client.say(bytes + "json" + request, false);
+  };
+  call(id, "{}");
+  const json::binary_t answer = client.hear("").get_binary();
+  EXPECT_EQ(std::string(answer.begin() + 13, answer.end()), "json{}");
+  EXPECT_EQ(answer[0], 3);
+  EXPECT_EQ(answer[5], 5);
+  call(id, "");
+  EXPECT_EQ(client.hear("serviceCallFailure")["message"], "nothing is asked");
+  call(99, "{}");
+  EXPECT_EQ(client.hear("serviceCallFailure")["callId"], 5);
+  client.say("\1nonsense", false);
+  EXPECT_EQ(client.hear("status")["level"], 2);
+  // With the feed its services change.
+  server_->show(std::make_unique<FakeFeed>("other"));
+  EXPECT_EQ(client.hear("unadvertiseServices")["serviceIds"][0], id);
+  EXPECT_NE(client.hear("advertiseServices")["services"][0]["id"], id);
 }
 
 }  // namespace

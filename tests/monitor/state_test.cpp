@@ -13,8 +13,7 @@ using nlohmann::json;
 using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
-
-constexpr std::uint64_t kSecond = 1'000'000'000;
+using namespace std::chrono_literals;
 
 // camera -> cpc -> astar, and camera -> astar
 graph::GraphDescription small_graph() {
@@ -30,10 +29,10 @@ graph::GraphDescription small_graph() {
 }
 
 std::vector<Topic> small_topics() {
-  return {{.name = "g/camera/dense", .type = "Cloud", .stage = "camera", .port = "dense"},
-          {.name = "g/camera/cloud", .type = "Cloud", .stage = "camera", .port = "cloud"},
-          {.name = "g/cpc/segments", .type = "Segments", .stage = "cpc", .port = "segments"},
-          {.name = "g/astar/labelling", .type = "Labelling", .stage = "astar", .port = "labelling"},
+  return {{.name = "g/camera/dense", .type = "Cloud", .stage = "camera"},
+          {.name = "g/camera/cloud", .type = "Cloud", .stage = "camera"},
+          {.name = "g/cpc/segments", .type = "Segments", .stage = "cpc"},
+          {.name = "g/astar/labelling", .type = "Labelling", .stage = "astar"},
           {.name = "g/stage_status", .type = "StageStatus"}};
 }
 
@@ -49,32 +48,52 @@ TEST(Topics, Readers) {
   EXPECT_THAT(readers_of(small_graph(), small_topics()[4]), IsEmpty());
 }
 
-TEST(GraphState, FollowsTheRun) {
-  GraphState state(small_graph(), small_topics());
-  EXPECT_EQ(state.state(kSecond), RunState::waiting);
-  idl::StageStatus status{.state = idl::State::working, .account = {.admitted = 2}};
-  state.add_status({.stage = "camera"}, status, kSecond);
-  EXPECT_EQ(state.state(2 * kSecond), RunState::running);
-  EXPECT_EQ(state.state(9 * kSecond), RunState::silent);
-  status.state = idl::State::finished;
-  state.add_status({.stage = "camera"}, status, 10 * kSecond);
-  EXPECT_EQ(state.state(99 * kSecond), RunState::finished);
-  state.end();
-  EXPECT_EQ(state.state(99 * kSecond), RunState::ended);
+const GraphState::Time kNow{std::chrono::hours(1)};
+
+graph::Observed observed(std::string stage, idl::StageStatus status,
+                         GraphState::Time heard = kNow) {
+  return {.header = {.stage = std::move(stage)}, .status = std::move(status), .heard = heard};
 }
 
-TEST(GraphState, OldGenerationsAreNotShown) {
+json json_of(const GraphState& state) {
+  return json::parse(state.to_json(kNow, 5'000'000));
+}
+
+TEST(GraphState, FollowsTheRun) {
   GraphState state(small_graph(), small_topics());
-  state.add_status({.stage = "cpc", .generation = 2}, {.frames_out = 5}, 1);
-  state.add_status({.stage = "cpc", .generation = 1}, {.frames_out = 9}, 2);
-  const json all = json::parse(state.to_json(3));
-  EXPECT_EQ(all["stages"][1]["status"]["frames_out"], 5);
-  EXPECT_EQ(all["stages"][1]["status"]["generation"], 2);
-  EXPECT_TRUE(all["stages"][0]["status"].is_null());
+  EXPECT_EQ(state.state(kNow), RunState::waiting);
+  idl::StageStatus status{.state = idl::State::working, .account = {.admitted = 2}};
+  state.hear({{"camera", observed("camera", status)}}, {});
+  EXPECT_EQ(state.state(kNow + 1s), RunState::running);
+  EXPECT_EQ(state.state(kNow + 9s), RunState::silent);
+  status.state = idl::State::finished;
+  state.hear({{"camera", observed("camera", status)}}, {});
+  EXPECT_EQ(state.state(kNow + 99s), RunState::finished);
+  state.end();
+  EXPECT_EQ(state.state(kNow), RunState::ended);
+}
+
+TEST(GraphState, EveryNameOfAStateCanBeRead) {
+  for (const auto& [state, name] : names<RunState>()) EXPECT_EQ(from_name<RunState>(name), state);
+}
+
+TEST(GraphState, ShowsEveryProcessOfAStage) {
+  graph::GraphDescription graph = small_graph();
+  graph.stages[1].replicas = {{.count = 2}};
+  GraphState state(graph, small_topics());
+  state.hear({{"cpc.0", observed("cpc", {.frames_out = 5})},
+              {"cpc.1", observed("cpc", {.frames_out = 7}, kNow - 2s)}},
+             {});
+  const json all = json_of(state);
+  ASSERT_THAT(all["stages"][1]["processes"], SizeIs(2));
+  EXPECT_EQ(all["stages"][1]["processes"][1]["process"], "cpc.1");
+  EXPECT_EQ(all["stages"][1]["processes"][1]["frames_out"], 7);
+  EXPECT_EQ(all["stages"][1]["processes"][1]["heard_ms_ago"], 2000);
+  EXPECT_THAT(all["stages"][0]["processes"], IsEmpty());
 }
 
 TEST(GraphState, TellsHowTheGraphIsWired) {
-  const json all = json::parse(GraphState(small_graph(), small_topics()).to_json(5'000'000));
+  const json all = json_of(GraphState(small_graph(), small_topics()));
   EXPECT_EQ(all["graph"], "g");
   EXPECT_EQ(all["state"], "waiting");
   EXPECT_EQ(all["time"], 5);
@@ -86,11 +105,39 @@ TEST(GraphState, TellsHowTheGraphIsWired) {
           {"port", "dense"}, {"topic", "g/camera/dense"}, {"type", "Cloud"}, {"latched", false}}));
 }
 
+TEST(GraphState, TellsParametersAndThoseOfASwappedStage) {
+  graph::GraphDescription graph = small_graph();
+  auto value = std::make_shared<double>(0.25);
+  std::vector<graph::StageInfo> infos(3);
+  infos[1].parameters = {number_field("cut", *value, 0.0, 1.0, "scale", "where to cut")};
+  GraphState state(graph, small_topics(), infos);
+  json param = json_of(state)["stages"][1]["params"][0];
+  EXPECT_EQ(param["value"], "0.25");
+  EXPECT_EQ(param["unit"], "scale");
+  graph.stages[1].params = {{.name = "cut", .value = {"0.5"}}};
+  state.change(graph, infos);
+  param = json_of(state)["stages"][1]["params"][0];
+  EXPECT_EQ(param["value"], "0.5");
+  EXPECT_EQ(param["default"], "0.25");
+}
+
+TEST(GraphState, NoticesSwapsByGenerations) {
+  GraphState state(small_graph(), small_topics());
+  graph::Observed seen = observed("cpc", {});
+  state.hear({{"cpc", seen}}, {});
+  const std::uint64_t before = state.generations();
+  seen.header.generation = 2;
+  state.hear({{"cpc", seen}}, {});
+  EXPECT_NE(state.generations(), before);
+}
+
 TEST(GraphState, KeepsTheNewestFailuresAndCountsAll) {
   GraphState state(small_graph(), small_topics());
+  std::vector<graph::ObservedFailure> failures;
   for (std::uint64_t i = 0; i < 300; ++i)
-    state.add_failure({.stage = "cpc", .sequence = i, .name = "f"}, {.reason = "no \xff"}, kSecond);
-  const json all = json::parse(state.to_json(kSecond));
+    failures.push_back({.stage = "cpc", .frame = "f", .sequence = i, .reason = "no \xff"});
+  state.hear({}, failures);
+  const json all = json_of(state);
   EXPECT_EQ(all["failure_count"], 300);
   EXPECT_THAT(all["failures"], SizeIs(GraphState::kMaxFailures));
   EXPECT_EQ(all["failures"].back()["sequence"], 299);

@@ -11,6 +11,7 @@
 #include "tools/cosegraph/stop_signals.hpp"
 #include "tools/monitor/file_feed.hpp"
 #include "tools/monitor/graph_feed.hpp"
+#include "tools/monitor/recording_feed.hpp"
 #include "tools/monitor/server.hpp"
 
 namespace cosegraph::tools {
@@ -22,6 +23,9 @@ using namespace std::chrono_literals;
 struct MonitorArguments {
   std::vector<std::string> what;
   std::string instance;
+  bool read_only = false;
+  std::uint64_t from = 0;
+  bool spectrum = false;
   monitor::ServerOptions server;
 };
 
@@ -52,11 +56,11 @@ std::optional<graph::GraphDescription> newer_run(const graph::GraphDescription& 
 
 // Shows the graph until it is asked to stop; when the run ends, the next one of the same graph.
 void show_graph(monitor::Server& server, graph::GraphDescription graph, bool any_instance,
-                const StopSignals& signals) {
+                bool read_only, const StopSignals& signals) {
   const graph::Catalog catalog = graph::catalog_of(stage_table());
   monitor::GraphFeed* feed = nullptr;  // of the server
   const auto show = [&] {
-    auto next = std::make_unique<monitor::GraphFeed>(graph, catalog);
+    auto next = std::make_unique<monitor::GraphFeed>(graph, catalog, !read_only);
     feed = next.get();
     server.show(std::move(next));
   };
@@ -76,6 +80,17 @@ void show_graph(monitor::Server& server, graph::GraphDescription graph, bool any
       show();
     }
   }
+}
+
+std::unique_ptr<monitor::Feed> open_files(const MonitorArguments& arguments) {
+  const auto is_recording = [](const std::string& path) {
+    return fs::path(path).extension() == ".mcap";
+  };
+  if (std::ranges::none_of(arguments.what, is_recording))
+    return std::make_unique<monitor::FileFeed>(arguments.what, arguments.spectrum);
+  if (arguments.what.size() > 1)
+    throw ParameterError("one recording, or any number of other files, can be looked at");
+  return std::make_unique<monitor::RecordingFeed>(arguments.what[0], arguments.from);
 }
 
 void print_address(const monitor::Server& server, const monitor::ServerOptions& options) {
@@ -101,7 +116,7 @@ int run_monitor(MonitorArguments arguments) {
   if (is_graph && arguments.what.size() > 1)
     throw ParameterError("one graph, or any number of files, can be looked at");
   if (!is_graph) {
-    auto feed = std::make_unique<monitor::FileFeed>(arguments.what);
+    auto feed = open_files(arguments);
     monitor::Server server(options);
     server.show(std::move(feed));
     print_address(server, options);
@@ -111,7 +126,7 @@ int run_monitor(MonitorArguments arguments) {
   graph::GraphDescription graph = graph::find_run({.graph = first, .instance = arguments.instance});
   monitor::Server server(options);
   print_address(server, options);
-  show_graph(server, std::move(graph), arguments.instance.empty(), signals);
+  show_graph(server, std::move(graph), arguments.instance.empty(), arguments.read_only, signals);
   return 0;
 }
 
@@ -124,7 +139,7 @@ void add_monitor_command(CLI::App& app, const Choose& choose) {
   arguments->server.port = 8765;
   command
       ->add_option("what", arguments->what,
-                   "a running graph (its file or name), or clouds, meshes, models")
+                   "a running graph (its file or name), a recording, or clouds, meshes, models")
       ->required();
   command->add_option("--instance", arguments->instance, "which run, if there are several");
   command->add_option("--port", arguments->server.port, "0: any that is free")
@@ -136,6 +151,10 @@ void add_monitor_command(CLI::App& app, const Choose& choose) {
       ->capture_default_str();
   command->add_option("--token", arguments->server.access.token,
                       "word that clients must know, as .../?token=WORD");
+  command->add_option("--from", arguments->from, "first frame of a recording, counted from 0");
+  command->add_flag("--spectrum", arguments->spectrum,
+                    "compute the spectra of clouds, as the model beside them was trained with");
+  command->add_flag("--read-only", arguments->read_only, "offer no swaps of stages");
   command
       ->add_option("--origin", arguments->server.access.origins,
                    "pages of other servers that may connect without a token, as "
@@ -144,7 +163,8 @@ void add_monitor_command(CLI::App& app, const Choose& choose) {
   command->footer(
       "Example:\n"
       "  cosegraph monitor segment.yaml\n"
-      "  cosegraph monitor out/*.ply mug.coseg");
+      "  cosegraph monitor run.mcap\n"
+      "  cosegraph monitor out/*.ply mug.coseg --spectrum");
   command->callback([=] { choose([=] { return run_monitor(*arguments); }); });
 }
 

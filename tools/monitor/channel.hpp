@@ -37,6 +37,22 @@ struct Message {
 // Takes a message of the channel at that place. May be called from any thread; never blocks.
 using Deliver = std::function<void(std::size_t channel, Message message)>;
 
+// Something that clients may ask for, with JSON texts as request and response.
+struct Service {
+  std::string name;
+  std::string request_schema;  // JSON schemas
+  std::string response_schema;
+
+  bool operator==(const Service&) const = default;
+};
+
+// The response, or why there is none.
+struct Answer {
+  bool done = false;
+  std::string text;
+};
+using Reply = std::function<void(Answer)>;
+
 // A source of messages. Channels are numbered by their place in channels(), which never changes.
 // All calls come from one thread.
 class Feed {
@@ -52,6 +68,14 @@ class Feed {
   virtual std::vector<Message> subscribe(std::size_t channel) = 0;
   // The last reader has gone.
   virtual void unsubscribe(std::size_t channel) = 0;
+
+  // Numbered by their place, which never changes.
+  virtual const std::vector<Service>& services() const {
+    static const std::vector<Service> kNone;
+    return kNone;
+  }
+  // `reply` is called once, now or later, from any thread, but not after the feed is gone.
+  virtual void call(std::size_t, const std::string&, Reply reply) { reply({}); }
 };
 
 }  // namespace cosegraph::monitor

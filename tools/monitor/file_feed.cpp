@@ -8,6 +8,8 @@
 #include "io/cloud_io.hpp"
 #include "io/file.hpp"
 #include "model/model.hpp"
+#include "pipeline/pipeline.hpp"
+#include "tools/monitor/channels.hpp"
 #include "tools/monitor/point_cloud.hpp"
 
 namespace cosegraph::monitor {
@@ -43,28 +45,32 @@ Labelling to_labelling(Frame& frame) {
 
 }  // namespace
 
-FileFeed::FileFeed(const std::vector<std::string>& paths) {
+FileFeed::FileFeed(const std::vector<std::string>& paths, bool with_spectra) {
+  pipeline::Config config = pipeline::config_from_name(pipeline::kBest);
   std::vector<std::string> clouds;
   for (const auto& path : paths) {
     if (is_model_file(path))
-      add_model(path);
+      add_model(path, config);
     else
       clouds.push_back(path);
   }
-  if (!clouds.empty()) add_clouds(clouds);
+  if (with_spectra && !config.with_spectra)
+    throw InputError("the model was trained without spectra");
+  if (!clouds.empty()) add_clouds(clouds, with_spectra ? &config : nullptr);
   name_ = paths.size() == 1 ? fs::path(paths[0]).filename().string()
                             : std::to_string(paths.size()) + " files";
   add_state();
 }
 
-void FileFeed::add_model(const fs::path& file) {
+void FileFeed::add_model(const fs::path& file, pipeline::Config& config) {
   const Model model = model::from_bytes(io::read_file(file), file.string());
+  pipeline::adopt_model(model, config);
   const idl::FrameHeader header{.stage = "model", .name = file.filename().string()};
   add("model/appearance", "AppearanceModel", idl::encode(header, model.appearance));
   add("model/relations", "RelationModel", idl::encode(header, model.relation));
 }
 
-void FileFeed::add_clouds(const std::vector<std::string>& paths) {
+void FileFeed::add_clouds(const std::vector<std::string>& paths, const pipeline::Config* spectra) {
   inputs::Reader reader;
   for (const auto& item : inputs::list(paths, {})) {
     Frame frame = read_frame(reader, item);
@@ -74,8 +80,27 @@ void FileFeed::add_clouds(const std::vector<std::string>& paths) {
     const std::vector<std::int32_t> label = frame.cloud.label;
     if (!frame.confidence.empty())
       add("file/labelling", "Labelling", idl::encode(header, to_labelling(frame)));
+    if (spectra != nullptr) add_spectrum(header, frame.cloud, *spectra);
     add("file/cloud", "Cloud", idl::encode(header, frame.cloud));
     add("file/cloud/points", "", encode_point_cloud(frame.cloud, label, "label", 0));
+  }
+}
+
+void FileFeed::add_spectrum(const idl::FrameHeader& header, Cloud cloud,
+                            const pipeline::Config& config) {
+  try {
+    const source::Frame frame = source::prepare(std::move(cloud), config.extraction, config.source);
+    Spectrum spectrum = spectra::compute(frame.cloud, config.spectra);
+    // What is said of points here is said of the file's own: each dense point has one among them.
+    std::vector<std::int32_t> own(frame.dense.size(), 0);
+    for (std::size_t i = frame.input.dense_index.size(); i-- > 0;)
+      if (const std::int32_t dense = frame.input.dense_index[i]; dense >= 0)
+        own[static_cast<std::size_t>(dense)] = static_cast<std::int32_t>(i);
+    for (auto& sample : spectrum.sample_dense) sample = own[static_cast<std::size_t>(sample)];
+    add("file/reduced", "Cloud", idl::encode(header, frame.cloud));
+    add("file/spectrum", "Spectrum", idl::encode(header, spectrum));
+  } catch (const InputError& error) {
+    throw InputError(header.name + ": " + error.what());
   }
 }
 
@@ -109,13 +134,8 @@ void FileFeed::add_state() {
                                 {"stages", nlohmann::json::array()},
                                 {"failures", nlohmann::json::array()}};
   const std::string text = state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-  channels_.push_back({.topic = "file/monitor",
-                       .encoding = "json",
-                       .schema_name = "cosegraph.Monitor",
-                       .schema = R"({"type":"object"})",
-                       .schema_encoding = "jsonschema"});
-  messages_.push_back(
-      {{.payload = std::make_shared<const idl::Bytes>(text.begin(), text.end()), .keep = true}});
+  channels_.push_back(state_channel("file", {}));
+  messages_.push_back({{.payload = to_payload(text), .keep = true}});
 }
 
 bool is_viewable(const fs::path& path) {

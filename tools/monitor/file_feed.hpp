@@ -1,5 +1,6 @@
 // Files that the tools write or read as a feed that never changes: each cloud is a frame, labels
-// with a confidence beside them are a labelling; a model file gives its two halves.
+// with a confidence beside them are a labelling; a model file gives its two halves. On request
+// with the spectrum of each cloud.
 #pragma once
 
 #include <filesystem>
@@ -8,6 +9,10 @@
 
 #include "tools/monitor/channel.hpp"
 
+namespace cosegraph::pipeline {
+struct Config;
+}
+
 namespace cosegraph::monitor {
 
 class FileFeed final : public Feed {
@@ -15,7 +20,8 @@ class FileFeed final : public Feed {
   // Clouds, depth images, meshes (seen by the virtual camera), models; folders stand for the clouds
   // in them. Everything is read now. Throws InputError naming the file, also if all of them take
   // more memory than kMaxBytes.
-  explicit FileFeed(const std::vector<std::string>& paths);
+  // Spectra are those that the model among the files was trained with, if there is one.
+  explicit FileFeed(const std::vector<std::string>& paths, bool with_spectra = false);
 
   static constexpr std::size_t kMaxBytes = 1U << 30U;
 
@@ -26,8 +32,10 @@ class FileFeed final : public Feed {
   void unsubscribe(std::size_t) override {}
 
  private:
-  void add_model(const std::filesystem::path& file);
-  void add_clouds(const std::vector<std::string>& paths);
+  // Gives `config` what the model was trained with.
+  void add_model(const std::filesystem::path& file, pipeline::Config& config);
+  void add_clouds(const std::vector<std::string>& paths, const pipeline::Config* spectra);
+  void add_spectrum(const idl::FrameHeader& header, Cloud cloud, const pipeline::Config& config);
   void add(const std::string& topic, const std::string& type, idl::Bytes bytes);
   void add_state();
   std::size_t channel_of(const std::string& topic, const std::string& type);

@@ -5,12 +5,14 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "graph/dds.hpp"
-#include "idl/schema.hpp"
-#include "tools/monitor/cloud_views.hpp"
-#include "tools/monitor/point_cloud.hpp"
+#include "graph/figures.hpp"
+#include "graph/remote.hpp"
+#include "graph/runs.hpp"
+#include "tools/monitor/channels.hpp"
 #include "tools/monitor/state.hpp"
 
 namespace cosegraph::monitor {
@@ -22,66 +24,89 @@ constexpr auto kStatePeriod = 250ms;
 constexpr std::size_t kMaxToDraw = 16;  // messages that wait to be made point clouds
 
 std::uint64_t wall_nanoseconds() {
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                        std::chrono::system_clock::now().time_since_epoch())
-                                        .count());
+  return static_cast<std::uint64_t>(graph::wall_nanoseconds());
 }
 
-Payload to_payload(std::string_view text) {
-  return std::make_shared<const idl::Bytes>(text.begin(), text.end());
-}
+constexpr const char* kSwapRequest = R"({
+  "type": "object",
+  "required": ["stage"],
+  "additionalProperties": false,
+  "properties": {
+    "stage": {"type": "string"},
+    "use": {"type": "string", "description": "another kind with the same ports"},
+    "host": {"type": "string"},
+    "params": {"type": "object", "additionalProperties": {"type": "string"}},
+    "dry_run": {"type": "boolean", "description": "only try whether the newcomer gets ready"}
+  }
+})";
+constexpr const char* kSwapResponse = R"({
+  "type": "object",
+  "properties": {
+    "stage": {"type": "string"},
+    "from_generation": {"type": "number"}, "to_generation": {"type": "number"},
+    "dry_run": {"type": "boolean"}, "took_ms": {"type": "number"},
+    "admitted": {"type": "number"}, "done": {"type": "number"}, "failed": {"type": "number"},
+    "lost": {"type": "number"}, "doubled": {"type": "number"},
+    "pause_ms": {"type": "number"}, "usual_ms": {"type": "number"}
+  }
+})";
 
-std::vector<std::string> publishers_of(const graph::GraphDescription& graph, const Topic& topic) {
-  if (!topic.stage.empty()) return {topic.stage};
-  std::vector<std::string> all;
-  for (const auto& node : graph.stages) all.push_back(node.name);
-  return all;
-}
+struct SwapWish {
+  std::string stage;
+  graph::Replacement replacement;
+};
 
-// The topics, the views of them, the state: in this order.
-std::vector<Channel> channels_of(const graph::GraphDescription& graph,
-                                 const std::vector<Topic>& topics,
-                                 const std::vector<CloudView>& views) {
-  std::vector<Channel> channels;
-  for (const auto& topic : topics)
-    channels.push_back({.topic = topic.name,
-                        .encoding = std::string(idl::kMessageEncoding),
-                        .schema_name = idl::wire_type(topic.type),
-                        .schema = std::string(idl::idl_text(topic.type)),
-                        .schema_encoding = std::string(idl::kSchemaEncoding),
-                        .publishers = publishers_of(graph, topic),
-                        .subscribers = readers_of(graph, topic)});
-  for (const auto& view : views)
-    channels.push_back({.topic = view.topic + "/points",
-                        .encoding = std::string(idl::kMessageEncoding),
-                        .schema_name = std::string(kPointCloudSchemaName),
-                        .schema = std::string(kPointCloudSchema),
-                        .schema_encoding = std::string(idl::kSchemaEncoding),
-                        .publishers = {"monitor"}});
-  channels.push_back({.topic = graph.graph + "/monitor",
-                      .encoding = "json",
-                      .schema_name = "cosegraph.Monitor",
-                      .schema = R"({"type":"object"})",
-                      .schema_encoding = "jsonschema",
-                      .publishers = {"monitor"}});
-  return channels;
+// A program of somebody's own is nothing that a page may start: there is no "exec". Throws
+// InputError.
+SwapWish parse_swap(const std::string& request) {
+  using nlohmann::json;
+  const json wish = json::parse(request, nullptr, false);
+  if (!wish.is_object()) throw InputError("the request is not a JSON object");
+  SwapWish result;
+  try {
+    for (const auto& [key, value] : wish.items()) {
+      if (key == "stage")
+        result.stage = value.get<std::string>();
+      else if (key == "use")
+        result.replacement.use = value.get<std::string>();
+      else if (key == "host")
+        result.replacement.host = value.get<std::string>();
+      else if (key == "dry_run")
+        result.replacement.dry_run = value.get<bool>();
+      else if (key == "params")
+        for (const auto& [name, text] : value.items())
+          result.replacement.params.push_back(name + "=" + text.get<std::string>());
+      else
+        throw InputError("the request has the unknown key '" + key.substr(0, 40) + "'");
+    }
+  } catch (const json::exception&) {
+    throw InputError("the request does not fit its schema");
+  }
+  if (result.stage.empty()) throw InputError("the request names no stage");
+  return result;
 }
 
 }  // namespace
 
 class GraphFeed::Impl {
  public:
-  Impl(const graph::GraphDescription& graph, const graph::Catalog& catalog)
+  Impl(const graph::GraphDescription& graph, const graph::Catalog& catalog, bool orders)
       : graph_(graph),
-        topics_(topics_of(graph, catalog)),
+        catalog_(catalog),
+        topics_(recording::topics_of(graph, catalog)),
         views_(cloud_views_of(graph, topics_)),
         channels_(channels_of(graph, topics_, views_)),
-        state_(graph, topics_),
+        services_(orders ? std::vector<Service>{{.name = graph.graph + "/swap",
+                                                 .request_schema = kSwapRequest,
+                                                 .response_schema = kSwapResponse}}
+                         : std::vector<Service>{}),
+        state_(graph, topics_, graph::infos_of(graph, catalog)),
         subscribed_(channels_.size()),
         newest_(topics_.size()),
         joined_(views_, 2 * static_cast<std::size_t>(graph.window) + 2),
         readers_(topics_.size()),
-        participant_(graph, graph.graph + "/monitor") {}
+        participant_(graph, graph.graph + "/monitor"),
+        remote_(graph) {}
 
   ~Impl() {
     // Before the members that their callbacks use.
@@ -91,16 +116,17 @@ class GraphFeed::Impl {
       stop_ = true;
     }
     changed_.notify_all();
+    remote_.give_up();
     if (worker_.joinable()) worker_.join();
+    if (orderer_.joinable()) orderer_.join();
   }
 
   const graph::GraphDescription& graph() const { return graph_; }
   const std::vector<Channel>& channels() const { return channels_; }
+  const std::vector<Service>& services() const { return services_; }
 
   void open(Deliver deliver) {
     deliver_ = std::move(deliver);
-    for (std::size_t t = 0; t < topics_.size(); ++t)
-      if (is_of_state(topics_[t])) use(t);
     worker_ = std::thread([this] { work(); });
   }
 
@@ -111,7 +137,7 @@ class GraphFeed::Impl {
       if (channel < topics_.size())
         result.assign(newest_[channel].begin(), newest_[channel].end());
       else if (channel == state_channel())
-        result.push_back(state_message());
+        result.push_back(state_message());  // of what is known by now
       if (subscribed_[channel]) return result;
       subscribed_[channel] = true;
     }
@@ -134,6 +160,34 @@ class GraphFeed::Impl {
     state_.end();
   }
 
+  // One order at a time, as agents take one at a time.
+  void swap(const std::string& request, Reply reply) {
+    SwapWish wish;
+    try {
+      wish = parse_swap(request);
+      if (graph_.stage(wish.stage) == nullptr)
+        throw InputError("there is no stage '" + wish.stage + "'");
+    } catch (const Error& error) {
+      return reply({.text = error.what()});
+    }
+    {
+      const std::scoped_lock lock(mutex_);
+      if (ordering_) return reply({.text = "busy: another swap goes on"});
+      ordering_ = true;
+      state_.set_note(wish.stage + " is being swapped");
+    }
+    if (orderer_.joinable()) orderer_.join();
+    orderer_ = std::thread([this, wish = std::move(wish), reply = std::move(reply)] {
+      const Answer answer = carry_out(wish);
+      {
+        const std::scoped_lock lock(mutex_);
+        ordering_ = false;
+        state_.set_note("");
+      }
+      reply(answer);
+    });
+  }
+
  private:
   struct CountedReader {
     std::unique_ptr<graph::Reader> handle;
@@ -144,9 +198,20 @@ class GraphFeed::Impl {
     Payload sample;
   };
 
-  static bool is_of_state(const Topic& topic) {
-    return topic.type == "StageStatus" || topic.type == "FrameFailure";
+  Answer carry_out(const SwapWish& wish) {
+    try {
+      return {.done = true,
+              .text = graph::order_swap(
+                  remote_, graph_, graph::source_of(graph_, catalog_).name, wish.stage,
+                  wish.replacement, [this, &wish](const std::string& progress) {
+                    const std::scoped_lock lock(mutex_);
+                    state_.set_note(wish.stage + " is being swapped: " + progress);
+                  })};
+    } catch (const std::exception& error) {
+      return {.text = error.what()};
+    }
   }
+
   std::size_t state_channel() const { return channels_.size() - 1; }
   bool is_view(std::size_t channel) const {
     return channel >= topics_.size() && channel < state_channel();
@@ -169,7 +234,7 @@ class GraphFeed::Impl {
     CountedReader& reader = readers_[topic];
     if (reader.users++ > 0) return;
     reader.handle = participant_.reader(
-        topics_[topic].name, topics_[topic].type, qos_of(topics_[topic], graph_),
+        topics_[topic].name, topics_[topic].type, onlooker_qos(topics_[topic], graph_),
         [this, topic](graph::Sample sample) { receive(topic, std::move(sample)); });
   }
 
@@ -185,7 +250,6 @@ class GraphFeed::Impl {
     {
       const std::scoped_lock lock(mutex_);
       raw = subscribed_[topic];
-      if (is_of_state(topics_[topic])) take_state(topic, message);
       if (raw) remember(topic, message);
       if (is_drawn(topic)) {
         to_draw_.push_back({topic, message.payload});
@@ -196,15 +260,20 @@ class GraphFeed::Impl {
     if (raw) deliver_(topic, message);
   }
 
-  void take_state(std::size_t topic, const Message& message) {
+  // With the lock.
+  void look_around() {
+    graph::Observer& observer = remote_.observer();
+    state_.hear(observer.stages(), observer.failures(state_.failure_count()));
+    state_.set_agents(!observer.agents().empty());
+    if (std::exchange(generations_, state_.generations()) == state_.generations()) return;
+    // A stage may have been swapped, by whomever.
     try {
-      const idl::FrameHeader header = idl::decode_header(*message.payload);
-      if (topics_[topic].type == "StageStatus")
-        state_.add_status(header, idl::decode<idl::StageStatus>(*message.payload), message.time);
-      else
-        state_.add_failure(header, idl::decode<idl::FrameFailure>(*message.payload), message.time);
+      graph::GraphDescription graph =
+          graph::find_run({.graph = graph_.graph, .instance = graph_.instance});
+      auto infos = graph::infos_of(graph, catalog_);
+      state_.change(std::move(graph), std::move(infos));
     } catch (const Error&) {
-      return;  // a stranger's message
+      return;  // it is run on other hosts
     }
   }
 
@@ -226,7 +295,8 @@ class GraphFeed::Impl {
 
   Message state_message() const {
     const std::uint64_t now = wall_nanoseconds();
-    return {.time = now, .payload = to_payload(state_.to_json(now))};
+    return {.time = now,
+            .payload = to_payload(state_.to_json(std::chrono::steady_clock::now(), now))};
   }
 
   void work() {
@@ -245,6 +315,7 @@ class GraphFeed::Impl {
       }
       if (std::chrono::steady_clock::now() - told < kStatePeriod) continue;
       told = std::chrono::steady_clock::now();
+      look_around();
       if (!subscribed_[state_channel()]) continue;
       const Message message = state_message();
       lock.unlock();
@@ -265,15 +336,19 @@ class GraphFeed::Impl {
   }
 
   const graph::GraphDescription graph_;
+  const graph::Catalog catalog_;
   const std::vector<Topic> topics_;
   const std::vector<CloudView> views_;
   const std::vector<Channel> channels_;
+  const std::vector<Service> services_;
   Deliver deliver_;
 
   std::mutex mutex_;  // guards what follows, up to joined_
   std::condition_variable changed_;
   bool stop_ = false;
   GraphState state_;
+  std::uint64_t generations_ = 0;
+  bool ordering_ = false;
   std::deque<ToDraw> to_draw_;
   std::vector<bool> subscribed_;             // per channel
   std::vector<std::deque<Message>> newest_;  // per topic, while it is subscribed
@@ -281,11 +356,14 @@ class GraphFeed::Impl {
   CloudViews joined_;                   // the worker's own
   std::vector<CountedReader> readers_;  // the caller's own
   graph::Participant participant_;
+  graph::Remote remote_;
   std::thread worker_;
+  std::thread orderer_;
 };
 
-GraphFeed::GraphFeed(const graph::GraphDescription& graph, const graph::Catalog& catalog)
-    : impl_(std::make_unique<Impl>(graph, catalog)) {}
+GraphFeed::GraphFeed(const graph::GraphDescription& graph, const graph::Catalog& catalog,
+                     bool orders)
+    : impl_(std::make_unique<Impl>(graph, catalog, orders)) {}
 
 GraphFeed::~GraphFeed() = default;
 
@@ -307,6 +385,14 @@ std::vector<Message> GraphFeed::subscribe(std::size_t channel) {
 
 void GraphFeed::unsubscribe(std::size_t channel) {
   impl_->unsubscribe(channel);
+}
+
+const std::vector<Service>& GraphFeed::services() const {
+  return impl_->services();
+}
+
+void GraphFeed::call(std::size_t, const std::string& request, Reply reply) {
+  impl_->swap(request, std::move(reply));
 }
 
 void GraphFeed::end() {

@@ -1,5 +1,5 @@
 // A running graph as a feed: its topics as they are, the same as point clouds for other viewers,
-// and its state. Looks on only: what nobody watches is not even received.
+// its state, and the swap of a stage as a service. What nobody watches is not even received.
 #pragma once
 
 #include <memory>
@@ -11,8 +11,10 @@ namespace cosegraph::monitor {
 
 class GraphFeed final : public Feed {
  public:
-  // `graph` as find_run() gives it. Throws Error if DDS cannot be started.
-  GraphFeed(const graph::GraphDescription& graph, const graph::Catalog& catalog);
+  // `graph` as find_run() gives it; without `orders` it only looks on. Throws Error if DDS cannot
+  // be started.
+  GraphFeed(const graph::GraphDescription& graph, const graph::Catalog& catalog,
+            bool orders = true);
   ~GraphFeed() override;
 
   std::string name() const override;
@@ -20,6 +22,8 @@ class GraphFeed final : public Feed {
   void open(Deliver deliver) override;
   std::vector<Message> subscribe(std::size_t channel) override;
   void unsubscribe(std::size_t channel) override;
+  const std::vector<Service>& services() const override;
+  void call(std::size_t service, const std::string& request, Reply reply) override;
 
   // The run is over. May be called from any thread, again and again.
   void end();

@@ -4,10 +4,10 @@
 
 namespace cosegraph::monitor {
 
-void Outbox::push(std::string text) {
+void Outbox::push(std::string text, bool is_binary) {
   bytes_ += text.size();
   kept_bytes_ += text.size();
-  items_.push_back({.text = std::move(text), .keep = true});
+  items_.push_back({.text = std::move(text), .is_binary = is_binary, .keep = true});
 }
 
 void Outbox::push(std::uint32_t subscription, const Message& message) {

@@ -16,9 +16,9 @@ namespace cosegraph::monitor {
 
 class Outbox {
  public:
-  // Text if there is no payload.
   struct Item {
-    std::string text;
+    std::string text;  // if there is no payload
+    bool is_binary = false;
     MessageHead head{};
     Payload payload;
     std::uint32_t subscription = 0;
@@ -33,7 +33,7 @@ class Outbox {
   explicit Outbox(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
   // Answers and news about channels; never dropped.
-  void push(std::string text);
+  void push(std::string text, bool is_binary = false);
   void push(std::uint32_t subscription, const Message& message);
 
   std::optional<Item> pop();

@@ -10,6 +10,7 @@ namespace {
 
 using nlohmann::json;
 
+constexpr const char* kServiceEncoding = "json";
 constexpr std::size_t kMaxListed = 1000;  // subscriptions in one message
 
 // Text from elsewhere may hold anything; what is no UTF-8 is replaced.
@@ -51,6 +52,32 @@ Unsubscribe parse_unsubscribe(const json& message) {
   return result;
 }
 
+void append(std::string& bytes, std::uint32_t value) {
+  for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> (8 * i));
+}
+
+std::uint32_t take_number(std::string_view& bytes) {
+  if (bytes.size() < 4) throw InputError("a binary message is too short");
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    value |= static_cast<std::uint32_t>(static_cast<std::uint8_t>(bytes[i])) << (8 * i);
+  bytes.remove_prefix(4);
+  return value;
+}
+
+json ids_from(std::uint32_t first, std::size_t count) {
+  json list = json::array();
+  for (std::size_t i = 0; i < count; ++i) list.push_back(first + i);
+  return list;
+}
+
+json half_of_service(const Service& service, const char* half, const std::string& schema) {
+  return {{"encoding", kServiceEncoding},
+          {"schemaName", service.name + " " + half},
+          {"schemaEncoding", "jsonschema"},
+          {"schema", schema}};
+}
+
 }  // namespace
 
 std::string_view choose_subprotocol(std::string_view offered) {
@@ -79,10 +106,28 @@ ClientMessage parse_client_message(std::string_view text) {
   throw InputError("'" + op.substr(0, 40) + "' is nothing that this server offers");
 }
 
+ServiceCall parse_service_call(std::string_view bytes) {
+  constexpr char kOpcode = 2;
+  if (!bytes.starts_with(kOpcode))
+    throw InputError("this server takes no messages of clients but calls of its services");
+  bytes.remove_prefix(1);
+  ServiceCall call{};
+  call.service = take_number(bytes);
+  call.call = take_number(bytes);
+  const std::uint32_t size = take_number(bytes);
+  if (size > bytes.size()) throw InputError("a call is too short for its encoding's name");
+  call.encoding = bytes.substr(0, size);
+  call.request = bytes.substr(size);
+  if (call.encoding != kServiceEncoding)
+    throw InputError("services are called with JSON, not '" + call.encoding.substr(0, 40) + "'");
+  return call;
+}
+
 std::string server_info(const std::string& name, const std::string& session) {
   return dump({{"op", "serverInfo"},
                {"name", name},
-               {"capabilities", {"connectionGraph"}},
+               {"capabilities", {"connectionGraph", "services"}},
+               {"supportedEncodings", {kServiceEncoding}},
                {"metadata", {{"software", "cosegraph"}}},
                {"sessionId", session}});
 }
@@ -100,9 +145,37 @@ std::string advertise(std::span<const Channel> channels, std::uint32_t first) {
 }
 
 std::string unadvertise(std::uint32_t first, std::size_t count) {
+  return dump({{"op", "unadvertise"}, {"channelIds", ids_from(first, count)}});
+}
+
+std::string advertise_services(std::span<const Service> services, std::uint32_t first) {
   json list = json::array();
-  for (std::size_t i = 0; i < count; ++i) list.push_back(first + i);
-  return dump({{"op", "unadvertise"}, {"channelIds", std::move(list)}});
+  for (const auto& service : services)
+    list.push_back({{"id", first++},
+                    {"name", service.name},
+                    {"type", service.name},
+                    {"request", half_of_service(service, "request", service.request_schema)},
+                    {"response", half_of_service(service, "response", service.response_schema)}});
+  return dump({{"op", "advertiseServices"}, {"services", std::move(list)}});
+}
+
+std::string unadvertise_services(std::uint32_t first, std::size_t count) {
+  return dump({{"op", "unadvertiseServices"}, {"serviceIds", ids_from(first, count)}});
+}
+
+std::string service_response(const ServiceCall& call, const std::string& response) {
+  std::string bytes(1, '\3');
+  append(bytes, call.service);
+  append(bytes, call.call);
+  append(bytes, static_cast<std::uint32_t>(call.encoding.size()));
+  return bytes + call.encoding + response;
+}
+
+std::string service_failure(const ServiceCall& call, const std::string& why) {
+  return dump({{"op", "serviceCallFailure"},
+               {"serviceId", call.service},
+               {"callId", call.call},
+               {"message", why}});
 }
 
 std::string status(Level level, const std::string& message) {
@@ -120,7 +193,7 @@ std::string dropped_status(const std::map<std::string, std::uint64_t>& dropped) 
                {"dropped", dropped}});
 }
 
-std::string connection_graph(std::span<const Channel> channels,
+std::string connection_graph(std::span<const Channel> channels, std::span<const Service> services,
                              std::span<const std::string> removed) {
   json published = json::array();
   json subscribed = json::array();
@@ -130,10 +203,13 @@ std::string connection_graph(std::span<const Channel> channels,
     if (!channel.subscribers.empty())
       subscribed.push_back({{"name", channel.topic}, {"subscriberIds", channel.subscribers}});
   }
+  json provided = json::array();
+  for (const auto& service : services)
+    provided.push_back({{"name", service.name}, {"providerIds", {"monitor"}}});
   return dump({{"op", "connectionGraphUpdate"},
                {"publishedTopics", std::move(published)},
                {"subscribedTopics", std::move(subscribed)},
-               {"advertisedServices", json::array()},
+               {"advertisedServices", std::move(provided)},
                {"removedTopics", std::vector<std::string>(removed.begin(), removed.end())},
                {"removedServices", json::array()}});
 }

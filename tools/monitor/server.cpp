@@ -62,6 +62,12 @@ class Hub {
   const std::string& session() const { return session_; }
   // Channel ids on the wire: a new feed's channels have new ids.
   std::uint32_t first_id() const { return first_id_; }
+  std::uint32_t first_service() const { return first_service_; }
+  std::optional<std::size_t> service_at(std::uint32_t id) const {
+    if (feed_ == nullptr || id < first_service_ || id - first_service_ >= feed_->services().size())
+      return std::nullopt;
+    return id - first_service_;
+  }
   std::optional<std::size_t> place_of(std::uint32_t id) const {
     if (feed_ == nullptr || id < first_id_ || id - first_id_ >= feed_->channels().size())
       return std::nullopt;
@@ -83,6 +89,10 @@ class Hub {
     if (feed_ != nullptr && --readers_[channel] == 0) feed_->unsubscribe(channel);
   }
 
+  void call(std::size_t service, const std::string& request, Reply reply) {
+    feed_->call(service, request, std::move(reply));
+  }
+
   void show(std::unique_ptr<Feed> feed, const Deliver& deliver);
   void deliver(std::size_t channel, const Message& message);
   void close();
@@ -95,6 +105,7 @@ class Hub {
   const std::string session_ = random_word();
   std::unique_ptr<Feed> feed_;
   std::uint32_t first_id_ = 1;
+  std::uint32_t first_service_ = 1;
   std::vector<int> readers_;  // per channel
   std::set<std::shared_ptr<Client>> clients_;
 };
@@ -126,13 +137,15 @@ class Client : public std::enable_shared_from_this<Client> {
   }
 
   // The feed has changed: what was subscribed is gone.
-  void announce(std::optional<std::string> farewell) {
+  void announce(const std::vector<std::string>& farewell) {
     for (const auto& [id, channel] : subscriptions_) outbox_.forget(id);
     subscriptions_.clear();
-    if (farewell) send(std::move(*farewell));
+    for (const auto& text : farewell) send(text);
     if (hub_.feed() == nullptr) return;
     send(advertise(hub_.feed()->channels(), hub_.first_id()));
-    if (watches_connections_) send(connection_graph(hub_.feed()->channels()));
+    if (!hub_.feed()->services().empty())
+      send(advertise_services(hub_.feed()->services(), hub_.first_service()));
+    if (watches_connections_) tell_connections();
   }
 
   void take(std::size_t channel, const Message& message) {
@@ -157,7 +170,7 @@ class Client : public std::enable_shared_from_this<Client> {
     send(server_info(
         "cosegraph monitor" + (hub_.feed() == nullptr ? "" : ": " + hub_.feed()->name()),
         hub_.session()));
-    announce(std::nullopt);
+    announce({});
     account();
     read();
   }
@@ -173,11 +186,12 @@ class Client : public std::enable_shared_from_this<Client> {
 
   void answer() {
     try {
-      if (!socket_.got_text()) throw InputError("this server takes no messages of clients");
       const auto data = buffer_.cdata();
-      const ClientMessage message =
-          parse_client_message({static_cast<const char*>(data.data()), data.size()});
-      std::visit([this](const auto& wish) { fulfil(wish); }, message);
+      const std::string_view bytes(static_cast<const char*>(data.data()), data.size());
+      if (socket_.got_text())
+        std::visit([this](const auto& wish) { fulfil(wish); }, parse_client_message(bytes));
+      else
+        fulfil(parse_service_call(bytes));
     } catch (const std::exception& error) {
       send(status(Level::error, error.what()));
     }
@@ -211,7 +225,29 @@ class Client : public std::enable_shared_from_this<Client> {
 
   void fulfil(const WatchConnections& wish) {
     watches_connections_ = wish.wanted;
-    if (wish.wanted && hub_.feed() != nullptr) send(connection_graph(hub_.feed()->channels()));
+    if (wish.wanted && hub_.feed() != nullptr) tell_connections();
+  }
+
+  void fulfil(const ServiceCall& call) {
+    const auto service = hub_.service_at(call.service);
+    if (!service)
+      return send(service_failure(call, "there is no service " + std::to_string(call.service)));
+    hub_.call(*service, call.request,
+              [call, client = weak_from_this(), executor = socket_.get_executor()](Answer answer) {
+                asio::post(executor, [call, client, answer = std::move(answer)] {
+                  if (const auto self = client.lock()) self->finish(call, answer);
+                });
+              });
+  }
+
+  void finish(const ServiceCall& call, const Answer& answer) {
+    if (!answer.done) return send(service_failure(call, answer.text));
+    outbox_.push(service_response(call, answer.text), true);
+    write();
+  }
+
+  void tell_connections() {
+    send(connection_graph(hub_.feed()->channels(), hub_.feed()->services()));
   }
 
   void send(std::string text) {
@@ -229,7 +265,7 @@ class Client : public std::enable_shared_from_this<Client> {
       self->writing_.reset();
       if (!error) self->write();
     };
-    socket_.text(writing_->payload == nullptr);
+    socket_.text(writing_->payload == nullptr && !writing_->is_binary);
     if (writing_->payload == nullptr)
       socket_.async_write(asio::buffer(writing_->text), done);
     else
@@ -283,9 +319,13 @@ class Client : public std::enable_shared_from_this<Client> {
 };
 
 void Hub::show(std::unique_ptr<Feed> feed, const Deliver& deliver) {
-  std::optional<std::string> farewell;
+  std::vector<std::string> farewell;
   if (feed_ != nullptr) {
-    farewell = unadvertise(first_id_, feed_->channels().size());
+    farewell.push_back(unadvertise(first_id_, feed_->channels().size()));
+    if (const std::size_t count = feed_->services().size(); count > 0) {
+      farewell.push_back(unadvertise_services(first_service_, count));
+      first_service_ += static_cast<std::uint32_t>(count);
+    }
     first_id_ += static_cast<std::uint32_t>(feed_->channels().size());
   }
   feed_ = std::move(feed);

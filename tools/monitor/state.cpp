@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "graph/control.hpp"
+
 template <>
 cosegraph::Names<cosegraph::monitor::RunState> cosegraph::names<cosegraph::monitor::RunState>() {
   using enum monitor::RunState;
   static constexpr std::pair<monitor::RunState, std::string_view> kTable[] = {
-      {waiting, "waiting"},
-      {running, "running"},
-      {finished, "finished"},
-      {silent, "silent"},
-      {ended, "ended"}};
+      {waiting, "waiting"}, {running, "running"}, {finished, "finished"},
+      {silent, "silent"},   {ended, "ended"},     {file, "file"}};
   return kTable;
 }
 
@@ -19,10 +18,13 @@ namespace cosegraph::monitor {
 namespace {
 
 using nlohmann::ordered_json;
+using namespace std::chrono_literals;
 
-constexpr std::uint64_t kSilence = 3'000'000'000;  // ns; stages report several times a second
+constexpr auto kSilence = 3s;  // stages report several times a second
 
-ordered_json to_json(const idl::FrameHeader& header, const idl::StageStatus& status) {
+ordered_json to_json(const graph::Observed& seen, const std::string& process,
+                     GraphState::Time now) {
+  const auto& [header, status, heard] = seen;
   ordered_json ports = ordered_json::array();
   for (const auto& port : status.ports)
     ports.push_back({{"name", port.name},
@@ -30,31 +32,34 @@ ordered_json to_json(const idl::FrameHeader& header, const idl::StageStatus& sta
                      {"output", port.output},
                      {"messages", port.messages},
                      {"bytes", port.bytes}});
-  return {{"state", to_name(status.state)},
-          {"activity", status.activity},
-          {"progress", status.progress},
-          {"generation", header.generation},
-          {"host", status.host},
-          {"pid", status.pid},
-          {"frame", header.name},
-          {"sequence", header.sequence},
-          {"epoch", std::to_string(header.epoch)},
-          {"frames_in", status.frames_in},
-          {"frames_out", status.frames_out},
-          {"frames_failed", status.frames_failed},
-          {"queue", status.queue},
-          {"latency_median", status.latency_median},
-          {"latency_p99", status.latency_p99},
-          {"latency_sum", status.latency_sum},
-          {"cpu_seconds", status.cpu_seconds},
-          {"memory", status.memory},
-          {"account",
-           {{"admitted", status.account.admitted},
-            {"labelled", status.account.labelled},
-            {"consumed", status.account.consumed},
-            {"failed", status.account.failed},
-            {"dropped", status.account.dropped}}},
-          {"ports", std::move(ports)}};
+  return {
+      {"process", process},
+      {"state", to_name(status.state)},
+      {"heard_ms_ago", std::chrono::duration_cast<std::chrono::milliseconds>(now - heard).count()},
+      {"activity", status.activity},
+      {"progress", status.progress},
+      {"generation", header.generation},
+      {"host", status.host},
+      {"pid", status.pid},
+      {"frame", header.name},
+      {"sequence", header.sequence},
+      {"epoch", std::to_string(header.epoch)},
+      {"frames_in", status.frames_in},
+      {"frames_out", status.frames_out},
+      {"frames_failed", status.frames_failed},
+      {"queue", status.queue},
+      {"latency_median", status.latency_median},
+      {"latency_p99", status.latency_p99},
+      {"latency_sum", status.latency_sum},
+      {"cpu_seconds", status.cpu_seconds},
+      {"memory", status.memory},
+      {"account",
+       {{"admitted", status.account.admitted},
+        {"labelled", status.account.labelled},
+        {"consumed", status.account.consumed},
+        {"failed", status.account.failed},
+        {"dropped", status.account.dropped}}},
+      {"ports", std::move(ports)}};
 }
 
 ordered_json inputs_json(const graph::GraphDescription& graph, const graph::StageNode& node) {
@@ -70,71 +75,94 @@ ordered_json outputs_json(const std::vector<Topic>& topics, const graph::StageNo
   ordered_json outputs = ordered_json::array();
   for (const auto& topic : topics)
     if (topic.stage == node.name)
-      outputs.push_back({{"port", topic.port},
+      outputs.push_back({{"port", topic.port()},
                          {"topic", topic.name},
                          {"type", topic.type},
                          {"latched", topic.latched}});
   return outputs;
 }
 
-ordered_json params_json(const graph::StageNode& node) {
-  ordered_json params = ordered_json::object();
-  for (const auto& param : node.params) {
+ordered_json params_json(const graph::StageNode& node, const graph::StageInfo* info) {
+  const auto text_of = [](const graph::Setting& setting) {
     std::string text;
-    for (const auto& word : param.value) text += (text.empty() ? "" : ", ") + word;
-    params[param.name] = text;
-  }
+    for (const auto& word : setting.value) text += (text.empty() ? "" : ",") + word;
+    return text;
+  };
+  ordered_json params = ordered_json::array();
+  if (info != nullptr)
+    for (const auto& field : info->parameters) {
+      const auto set = std::ranges::find(node.params, field.name, &graph::Setting::name);
+      params.push_back({{"name", field.name},
+                        {"value", set == node.params.end() ? field.text() : text_of(*set)},
+                        {"default", field.text()},
+                        {"unit", field.unit},
+                        {"doc", field.doc},
+                        {"choices", field.choices}});
+    }
+  for (const auto& param : node.params)
+    if (info == nullptr || find(info->parameters, param.name) == nullptr)
+      params.push_back({{"name", param.name}, {"value", text_of(param)}});
   return params;
+}
+
+ordered_json processes_json(const graph::StageNode& node, const graph::Look& processes,
+                            GraphState::Time now) {
+  ordered_json result = ordered_json::array();
+  for (std::uint32_t r = 0; r < graph::hosts_of(node).size(); ++r)
+    if (const auto seen = processes.find(graph::process_name(node, r)); seen != processes.end())
+      result.push_back(to_json(seen->second, seen->first, now));
+  return result;
 }
 
 }  // namespace
 
-GraphState::GraphState(graph::GraphDescription graph, std::vector<Topic> topics)
-    : graph_(std::move(graph)), topics_(std::move(topics)) {}
+GraphState::GraphState(graph::GraphDescription graph, std::vector<Topic> topics,
+                       std::vector<graph::StageInfo> infos)
+    : graph_(std::move(graph)), topics_(std::move(topics)), infos_(std::move(infos)) {}
 
-void GraphState::add_status(const idl::FrameHeader& header, const idl::StageStatus& status,
-                            std::uint64_t now) {
-  heard_ = std::max(heard_, now);
-  Seen& seen = stages_[header.stage];
-  if (header.generation >= seen.header.generation) seen = {header, status, now};
+void GraphState::change(graph::GraphDescription graph, std::vector<graph::StageInfo> infos) {
+  graph_ = std::move(graph);
+  infos_ = std::move(infos);
 }
 
-void GraphState::add_failure(const idl::FrameHeader& header, const idl::FrameFailure& failure,
-                             std::uint64_t now) {
-  ++failure_count_;
-  failures_.push_back({.stage = header.stage,
-                       .frame = header.name,
-                       .sequence = header.sequence,
-                       .reason = failure.reason,
-                       .time = now});
-  if (failures_.size() > kMaxFailures) failures_.pop_front();
+void GraphState::hear(graph::Look processes, const std::vector<graph::ObservedFailure>& failures) {
+  processes_ = std::move(processes);
+  failure_count_ += failures.size();
+  failures_.insert(failures_.end(), failures.begin(), failures.end());
+  while (failures_.size() > kMaxFailures) failures_.pop_front();
 }
 
-RunState GraphState::state(std::uint64_t now) const {
-  if (ended_) return RunState::ended;
-  if (heard_ == 0) return RunState::waiting;
+std::uint64_t GraphState::generations() const {
+  std::uint64_t sum = 0;
+  for (const auto& [name, seen] : processes_) sum += seen.header.generation;
+  return sum;
+}
+
+RunState GraphState::state(Time now) const {
+  if (end_ != RunState::waiting) return end_;
+  if (processes_.empty()) return RunState::waiting;
   // Only sources account for frames, so the others do not matter here.
-  const bool finished = std::ranges::any_of(stages_, [](const auto& entry) {
+  const bool finished = std::ranges::any_of(processes_, [](const auto& entry) {
     const idl::StageStatus& status = entry.second.status;
     return status.account.admitted > 0 && status.state == idl::State::finished;
   });
   if (finished) return RunState::finished;
-  return now > heard_ + kSilence ? RunState::silent : RunState::running;
+  const bool heard = std::ranges::any_of(
+      processes_, [&](const auto& entry) { return now - entry.second.heard <= kSilence; });
+  return heard ? RunState::running : RunState::silent;
 }
 
-std::string GraphState::to_json(std::uint64_t now) const {
+std::string GraphState::to_json(Time now, std::uint64_t wall) const {
   ordered_json stages = ordered_json::array();
-  for (const auto& node : graph_.stages) {
-    const auto seen = stages_.find(node.name);
+  for (std::size_t i = 0; i < graph_.stages.size(); ++i) {
+    const graph::StageNode& node = graph_.stages[i];
     stages.push_back({{"name", node.name},
                       {"kind", node.use.empty() ? node.exec : node.use},
                       {"host", node.host},
                       {"inputs", inputs_json(graph_, node)},
                       {"outputs", outputs_json(topics_, node)},
-                      {"params", params_json(node)},
-                      {"status", seen == stages_.end() ? ordered_json(nullptr)
-                                                       : monitor::to_json(seen->second.header,
-                                                                          seen->second.status)}});
+                      {"params", params_json(node, i < infos_.size() ? &infos_[i] : nullptr)},
+                      {"processes", processes_json(node, processes_, now)}});
   }
   ordered_json failures = ordered_json::array();
   for (const auto& failure : failures_)
@@ -142,11 +170,17 @@ std::string GraphState::to_json(std::uint64_t now) const {
                         {"frame", failure.frame},
                         {"sequence", failure.sequence},
                         {"reason", failure.reason},
-                        {"time", failure.time / 1'000'000}});
-  const ordered_json all = {{"graph", graph_.graph},           {"instance", graph_.instance},
-                            {"state", to_name(state(now))},    {"time", now / 1'000'000},
-                            {"window", graph_.window},         {"stages", std::move(stages)},
-                            {"failures", std::move(failures)}, {"failure_count", failure_count_}};
+                        {"time", failure.heard / 1'000'000}});
+  const ordered_json all = {{"graph", graph_.graph},
+                            {"instance", graph_.instance},
+                            {"state", to_name(state(now))},
+                            {"time", wall / 1'000'000},
+                            {"window", graph_.window},
+                            {"agents", agents_},
+                            {"note", note_},
+                            {"stages", std::move(stages)},
+                            {"failures", std::move(failures)},
+                            {"failure_count", failure_count_}};
   return all.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 

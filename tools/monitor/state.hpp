@@ -1,15 +1,16 @@
-// What is known of a running graph: the newest status of every stage, the newest failures. A plain
-// data structure: no DDS, no threads.
+// What is known of a running graph, as the page shows it. A plain data structure: no DDS, no
+// threads.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <string>
 #include <vector>
 
 #include "graph/description.hpp"
-#include "idl/codec.hpp"
+#include "graph/observer.hpp"
+#include "graph/traffic.hpp"
 #include "tools/monitor/topics.hpp"
 
 namespace cosegraph::monitor {
@@ -20,46 +21,47 @@ enum class RunState {
   finished,  // the source has no more frames
   silent,    // nothing is heard any more
   ended,     // the run is over and gone
+  file,      // it was never a run: a file is looked at
 };
 
 class GraphState {
  public:
   static constexpr std::size_t kMaxFailures = 200;
+  using Time = std::chrono::steady_clock::time_point;
 
-  GraphState(graph::GraphDescription graph, std::vector<Topic> topics);
+  // `infos`: of the stages, in their order, for their parameters; may be empty.
+  GraphState(graph::GraphDescription graph, std::vector<Topic> topics,
+             std::vector<graph::StageInfo> infos = {});
 
-  // `now` in ns since 1970. Messages of older generations of a stage are ignored.
-  void add_status(const idl::FrameHeader& header, const idl::StageStatus& status,
-                  std::uint64_t now);
-  void add_failure(const idl::FrameHeader& header, const idl::FrameFailure& failure,
-                   std::uint64_t now);
-  void end() { ended_ = true; }
+  // The graph after a stage of it was swapped: the same stages and ports.
+  void change(graph::GraphDescription graph, std::vector<graph::StageInfo> infos);
+  // The newest of every process, and failures that are new.
+  void hear(graph::Look processes, const std::vector<graph::ObservedFailure>& failures);
+  // Agents are there, who can swap stages.
+  void set_agents(bool any) { agents_ = any; }
+  // What people should know: the swap that goes on, the part of a file that is shown.
+  void set_note(std::string text) { note_ = std::move(text); }
+  void end(RunState how = RunState::ended) { end_ = how; }
 
-  RunState state(std::uint64_t now) const;
-  // Everything, as the monitor's page reads it: see docs/monitor.md.
-  std::string to_json(std::uint64_t now) const;
+  const graph::GraphDescription& graph() const { return graph_; }
+  // Changes whenever a stage was swapped or has begun anew.
+  std::uint64_t generations() const;
+  std::size_t failure_count() const { return failure_count_; }
+
+  RunState state(Time now) const;
+  // Everything: see docs/monitor.md. `wall` is now too, in ns since 1970.
+  std::string to_json(Time now, std::uint64_t wall) const;
 
  private:
-  struct Seen {
-    idl::FrameHeader header;
-    idl::StageStatus status;
-    std::uint64_t time = 0;
-  };
-  struct Failure {
-    std::string stage;
-    std::string frame;
-    std::uint64_t sequence = 0;
-    std::string reason;
-    std::uint64_t time = 0;
-  };
-
-  const graph::GraphDescription graph_;
+  graph::GraphDescription graph_;
   const std::vector<Topic> topics_;
-  bool ended_ = false;
-  std::uint64_t heard_ = 0;  // when a status last came
-  std::map<std::string, Seen> stages_;
-  std::deque<Failure> failures_;  // newest last
-  std::uint64_t failure_count_ = 0;
+  std::vector<graph::StageInfo> infos_;
+  RunState end_ = RunState::waiting;  // waiting: it has not
+  bool agents_ = false;
+  std::string note_;
+  graph::Look processes_;
+  std::deque<graph::ObservedFailure> failures_;  // newest last
+  std::size_t failure_count_ = 0;
 };
 
 }  // namespace cosegraph::monitor

@@ -4,25 +4,7 @@
 #include <deque>
 #include <set>
 
-#include "graph/runtime.hpp"
-
 namespace cosegraph::monitor {
-
-std::vector<Topic> topics_of(const graph::GraphDescription& graph, const graph::Catalog& catalog) {
-  std::vector<Topic> topics;
-  for (const auto& node : graph.stages)
-    for (const auto& port : graph::info_of(node, catalog).outputs)
-      topics.push_back({.name = graph::topic_name(graph, node.name, port.name),
-                        .type = port.type,
-                        .stage = node.name,
-                        .port = port.name,
-                        .latched = port.latched});
-  for (const auto& [what, type] :
-       {std::pair{"stage_status", "StageStatus"}, std::pair{"frame_failure", "FrameFailure"},
-        std::pair{"frame_done", "FrameDone"}, std::pair{"stream_end", "StreamEnd"}})
-    topics.push_back({.name = graph::control_topic(graph, what), .type = type});
-  return topics;
-}
 
 std::vector<std::string> clouds_of(const graph::GraphDescription& graph,
                                    const std::vector<Topic>& topics, const std::string& stage) {
@@ -44,19 +26,27 @@ std::vector<std::string> clouds_of(const graph::GraphDescription& graph,
   return result;
 }
 
+std::vector<std::string> publishers_of(const graph::GraphDescription& graph, const Topic& topic) {
+  if (!topic.is_control()) return {topic.stage};
+  std::vector<std::string> all;
+  for (const auto& node : graph.stages) all.push_back(node.name);
+  return all;
+}
+
 std::vector<std::string> readers_of(const graph::GraphDescription& graph, const Topic& topic) {
   std::vector<std::string> result;
   for (const auto& node : graph.stages)
     for (const auto& input : node.inputs)
-      if (!topic.stage.empty() && input.from_stage == topic.stage && input.from_port == topic.port)
+      if (!topic.is_control() && input.from_stage == topic.stage && input.from_port == topic.port())
         result.push_back(node.name);
   return result;
 }
 
-graph::EndpointQos qos_of(const Topic& topic, const graph::GraphDescription& graph) {
-  if (topic.latched) return {.depth = 2};
-  if (topic.type == "StageStatus" || topic.type == "StreamEnd") return {.depth = 1};
-  return {.depth = 2 * graph.window + 2, .keep_for_late = false, .reliable = false};
+graph::EndpointQos onlooker_qos(const Topic& topic, const graph::GraphDescription& graph) {
+  graph::EndpointQos qos = recording::qos_of(topic, graph);
+  const bool is_repeated = topic.has_frames() || topic.type.starts_with("Frame");
+  if (is_repeated) qos.keep_for_late = qos.reliable = false;
+  return qos;
 }
 
 }  // namespace cosegraph::monitor

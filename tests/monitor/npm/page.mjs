@@ -1,24 +1,11 @@
 // Opens the monitor's page in a browser and goes through topics. Prints as JSON what each pane said
 // and how much of its canvas is drawn on, and leaves a picture of each.
 //   node page.mjs BROWSER URL FOLDER THEME TOPIC...
-import { chromium } from "playwright-core";
+import { open } from "./browser.mjs";
 
-const [executablePath, url, folder, theme, ...topics] = process.argv.slice(2);
-const kPatience = 60_000;
-const browser = await chromium.launch({
-  executablePath,
-  args: ["--no-sandbox", "--no-first-run", "--disable-dev-shm-usage", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update", "--use-gl=angle",
-    "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
-});
-const page = await browser.newPage({ viewport: { width: 1000, height: 640 }, colorScheme: theme });
-page.setDefaultTimeout(kPatience);
-const seen = { errors: [], topics: {} };
-page.on("pageerror", (error) => seen.errors.push(error.message));
-page.on("console", (message) => {
-  if (message.type() === "error") seen.errors.push(message.text());
-});
-await page.goto(url);
+const [executable, url, folder, theme, ...topics] = process.argv.slice(2);
+const { browser, page, errors } = await open(executable, theme, url);
+const seen = { errors, topics: {} };
 
 // Pictures are looked at in a page of their own: the monitor's may not load them.
 const tool = await browser.newPage();

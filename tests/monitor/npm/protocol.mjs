@@ -1,5 +1,6 @@
 // Looks at a monitor through the protocol makers' own client and decoder. Prints what it saw as JSON
-// when every topic that was asked for has brought two messages.
+// when every topic that was asked for has brought two messages and the first service has answered
+// to an order about a stage that there is not.
 //   node protocol.mjs URL SUBPROTOCOL TOPIC...
 import { parseIDL } from "@foxglove/omgidl-parser";
 import { MessageReader } from "@foxglove/omgidl-serialization";
@@ -29,6 +30,13 @@ client.on("error", (error) => {
 client.on("serverInfo", (info) => (seen.info = info));
 client.on("status", (status) => seen.statuses.push(status));
 client.on("connectionGraphUpdate", (update) => (seen.graph = update));
+client.on("advertiseServices", ([service]) => {
+  seen.service = service;
+  const data = new TextEncoder().encode(JSON.stringify({ stage: "nobody" }));
+  client.sendServiceCallRequest({ serviceId: service.id, callId: 7, encoding: "json",
+    data: new DataView(data.buffer) });
+});
+client.on("serviceCallFailure", (failure) => (seen.refusal = failure));
 client.on("advertise", (channels) => {
   for (const { schema, ...channel } of channels) {
     seen.channels[channel.topic] = { ...channel, schemaSize: schema.length };
@@ -47,7 +55,8 @@ client.on("message", ({ subscriptionId, timestamp, data }) => {
     value: brief(reader === null ? JSON.parse(new TextDecoder().decode(data))
       : reader.readMessage(data)),
   };
-  if (seen.graph === undefined || topics.some((one) => !((seen.messages[one] ?? 0) >= 2))) return;
+  if (seen.graph === undefined || seen.refusal === undefined ||
+       topics.some((one) => !((seen.messages[one] ?? 0) >= 2))) return;
   seen.protocol = socket.protocol;
   console.log(JSON.stringify(seen));
   process.exit(0);

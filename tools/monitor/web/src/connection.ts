@@ -29,8 +29,13 @@ export interface Events {
   problem(text: string): void;
 }
 
+export type Report = Record<string, unknown>;
+
 const kPrefix = "cosegraph::msg::";
 const kMessageData = 1;
+const kServiceRequest = 2;
+const kServiceResponse = 3;
+const kEncoding = new TextEncoder().encode("json");
 const kHeadSize = 13;
 const kShortest = 500; // ms before the first new attempt
 const kLongest = 5000;
@@ -42,6 +47,10 @@ export class Connection {
   private readonly subscribed = new Map<number, Channel>(); // by subscription
   private nextSubscription = 1;
   private patience = kShortest;
+  private readonly services = new Map<string, number>(); // id by name
+  private readonly calls = new Map<number, { resolve(report: Report): void;
+    reject(error: Error): void }>();
+  private nextCall = 1;
 
   constructor(private readonly url: string, private readonly events: Events) {
     this.connect();
@@ -51,6 +60,29 @@ export class Connection {
   want(topics: Set<string>): void {
     this.wanted = topics;
     this.update();
+  }
+
+  offers(service: string): boolean {
+    return this.services.has(service);
+  }
+
+  // Fails with the server's reason.
+  call(service: string, request: object): Promise<Report> {
+    const id = this.services.get(service);
+    if (id === undefined || this.socket?.readyState !== WebSocket.OPEN)
+      return Promise.reject(new Error("the monitor offers no such service now"));
+    const body = new TextEncoder().encode(JSON.stringify(request));
+    const bytes = new Uint8Array(kHeadSize + kEncoding.length + body.length);
+    const head = new DataView(bytes.buffer);
+    const call = this.nextCall++;
+    head.setUint8(0, kServiceRequest);
+    head.setUint32(1, id, true);
+    head.setUint32(5, call, true);
+    head.setUint32(9, kEncoding.length, true);
+    bytes.set(kEncoding, kHeadSize);
+    bytes.set(body, kHeadSize + kEncoding.length);
+    this.socket.send(bytes);
+    return new Promise((resolve, reject) => this.calls.set(call, { resolve, reject }));
   }
 
   private connect(): void {
@@ -66,6 +98,9 @@ export class Connection {
     this.socket = null;
     this.channels.clear();
     this.subscribed.clear();
+    this.services.clear();
+    for (const call of this.calls.values()) call.reject(new Error("the connection is lost"));
+    this.calls.clear();
     this.events.lost();
     setTimeout(() => this.connect(), this.patience);
     this.patience = Math.min(kLongest, 1.5 * this.patience);
@@ -89,6 +124,17 @@ export class Connection {
             if (channel.id === id) this.subscribed.delete(subscription);
         }
         break;
+      case "advertiseServices":
+        for (const one of message.services) this.services.set(one.name, one.id);
+        break;
+      case "unadvertiseServices":
+        for (const [name, id] of this.services)
+          if (message.serviceIds.includes(id)) this.services.delete(name);
+        break;
+      case "serviceCallFailure":
+        this.calls.get(message.callId)?.reject(new Error(message.message));
+        this.calls.delete(message.callId);
+        break;
       case "status":
         if (message.dropped !== undefined)
           this.events.dropped(
@@ -100,11 +146,19 @@ export class Connection {
 
   private take(data: ArrayBuffer): void {
     const view = new DataView(data);
+    if (view.getUint8(0) === kServiceResponse) return this.finish(view);
     if (view.getUint8(0) !== kMessageData) return;
     const channel = this.subscribed.get(view.getUint32(1, true));
     // Copied, so that arrays in it are aligned and can be used as they are.
     if (channel !== undefined)
       this.events.message(channel, new Uint8Array(data.slice(kHeadSize)));
+  }
+
+  private finish(view: DataView): void {
+    const call = view.getUint32(5, true);
+    const body = new Uint8Array(view.buffer, kHeadSize + view.getUint32(9, true));
+    this.calls.get(call)?.resolve(JSON.parse(new TextDecoder().decode(body)));
+    this.calls.delete(call);
   }
 
   private update(): void {

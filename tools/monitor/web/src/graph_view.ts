@@ -2,7 +2,7 @@
 // Outputs and edges are buttons that show their topic.
 import { bytes, count, milliseconds, rate, setText, svg } from "./dom";
 import { layOut } from "./layout";
-import { Rates, traffic, type GraphState, type Stage } from "./state";
+import { Rates, isSilent, traffic, type GraphState, type Stage } from "./state";
 
 const kWidth = 150;
 const kStep = 186;
@@ -17,7 +17,10 @@ export class GraphView {
   private updates: ((state: GraphState) => void)[] = [];
   private readonly marked = new Map<string, Element[]>(); // by topic
 
-  constructor(private readonly open: (topic: string) => void) {}
+  constructor(
+    private readonly open: (topic: string) => void,
+    private readonly openStage: (stage: string) => void,
+  ) {}
 
   update(state: GraphState): void {
     const shape = JSON.stringify(state.stages.map((stage) =>
@@ -110,13 +113,23 @@ export class GraphView {
       element.setAttribute("transform", `translate(0 ${kHead + kRow * row})`);
       return element;
     });
-    const element = svg("g", { class: "stage", transform: `translate(${x} ${y})` }, tip,
-      svg("rect", { width: kWidth, height, rx: 7, class: "box" }), dot,
-      svg("text", { x: 24, y: 18, class: "name" }, stage.name), detail, failed, ...rows);
+    const ask = () => this.openStage(stage.name);
+    const head = svg("g", { class: "head", tabindex: 0, role: "button",
+      "aria-label": `stage ${stage.name}`, onclick: ask,
+      onkeydown: (event: KeyboardEvent) => {
+        if (event.key !== "Enter") return;
+        event.preventDefault();
+        ask();
+      } }, tip,
+      svg("rect", { x: 1, y: 1, width: kWidth - 2, height: kHead - 2, rx: 6, class: "row" }), dot,
+      svg("text", { x: 24, y: 18, class: "name" }, stage.name), detail, failed);
+    const element = svg("g", { class: "stage", transform: `translate(${x} ${y})` },
+      svg("rect", { width: kWidth, height, rx: 7, class: "box" }), head, ...rows);
     this.updates.push((state) => {
       const status = state.stages.find((s) => s.name === stage.name)!.status;
       const shown = status === null ? "unknown"
-        : state.state === "ended" || state.state === "silent" ? "stopped" : status.state;
+        : state.state === "ended" || state.state === "silent" ? "stopped"
+        : state.state !== "file" && isSilent(status) ? "silent" : status.state;
       element.setAttribute("data-state", shown);
       setText(detail, status === null ? "not heard of"
         : `${shown}${status.latency_median > 0 ? ` · ${milliseconds(status.latency_median)}` : ""}`);
@@ -124,7 +137,9 @@ export class GraphView {
         ? `${count(status.frames_failed)} failed` : "");
       setText(tip, [`${stage.name} (${stage.kind})`, status?.host && `on ${status.host}`,
         status && `${status.frames_out} frames, ${bytes(status.memory)}`, status?.activity,
-        ...Object.entries(stage.params).map(([key, value]) => `${key} = ${value}`),
+        ...state.stages.find((s) => s.name === stage.name)!.params
+          .filter((param) => param.value !== param.default)
+          .map((param) => `${param.name} = ${param.value}`),
       ].filter(Boolean).join("\n"));
     });
     return element;

@@ -7,7 +7,8 @@ import { bytes, count, h, milliseconds, rate, replace, setText } from "./dom";
 import { Frames, type Frame } from "./frames";
 import { GraphView } from "./graph_view";
 import { Pane } from "./pane";
-import { Rates, type GraphState, type Topic } from "./state";
+import { StageDialog, type SwapCall } from "./stage_dialog";
+import { Rates, complete, type GraphState, type Topic } from "./state";
 import { canShow } from "./views";
 
 const kMaxPanes = 4;
@@ -22,6 +23,7 @@ const kKeys: [string, string][] = [
   ["[ ]", "previous, next eigenfunction (or last choice)"],
   ["p x", "open, close a pane"],
   ["n", "next pane"],
+  ["o", "the stage of the pane in use: its processes, its swap"],
   ["w a s d", "turn the view"],
   ["q e", "nearer, farther"],
   ["+ -", "larger, smaller points"],
@@ -49,7 +51,8 @@ class Page {
   private subscribed = "";
   private readonly rates = new Rates();
 
-  private readonly graphView = new GraphView((topic) => this.open(topic));
+  private readonly graphView = new GraphView((topic) => this.open(topic),
+    (stage) => this.openStage(stage));
   private readonly latency = new LatencyPlot();
   private readonly title = h("h1", {}, "cosegraph");
   private readonly pill = h("span", { class: "pill", role: "status" });
@@ -83,6 +86,7 @@ class Page {
     h("p", {}, "Drag to turn, right button to move, wheel to zoom; click a point to ask about it."),
     h("form", { method: "dialog" }, h("button", {}, "Close")));
 
+  private readonly stageDialog = new StageDialog(() => this.swapCall());
   private readonly connection: Connection;
 
   constructor() {
@@ -96,7 +100,8 @@ class Page {
           h("button", { title: "Keys (?)", "aria-label": "keys",
             onclick: () => this.help.showModal() }, "?"))),
       this.banner, this.problem, this.graphHolder,
-      h("div", { class: "work" }, this.grid, this.sidebar), this.footer, this.help);
+      h("div", { class: "work" }, this.grid, this.sidebar), this.footer, this.help,
+      this.stageDialog.element);
     kDark.addEventListener("change", () => this.retheme());
     document.addEventListener("keydown", (event) => this.key(event));
     this.addPane();
@@ -157,7 +162,7 @@ class Page {
   private take(channel: Channel, data: Uint8Array): void {
     if (this.isState(channel)) {
       const before = this.graph;
-      this.graph = channel.decode(data) as GraphState;
+      this.graph = complete(channel.decode(data));
       this.stateChanged = true;
       if (before?.graph !== this.graph.graph || before?.instance !== this.graph.instance)
         this.begin();
@@ -243,6 +248,24 @@ class Page {
     this.stateChanged = true;
   }
 
+  private openStage(name: string): void {
+    const stage = this.graph?.stages.find((one) => one.name === name);
+    if (stage !== undefined) this.stageDialog.open(stage);
+  }
+
+  // Asks for a swap, or why that cannot be.
+  private swapCall(): SwapCall | string {
+    if (this.graph === null || !this.connected) return "There is no connection to the monitor.";
+    if (this.graph.state === "file") return "This is a recording.";
+    if (this.graph.state === "ended") return "The graph has ended.";
+    const service = `${this.graph.graph}/swap`;
+    if (!this.connection.offers(service)) return "This monitor only looks on (--read-only).";
+    if (!this.graph.agents)
+      return "Stages can be swapped in graphs that run by 'cosegraph up' or agents; this one runs " +
+        "in one process.";
+    return (request) => this.connection.call(service, request);
+  }
+
   // -- frames ------------------------------------------------------------------------------------
 
   private jump(index: number): void {
@@ -321,12 +344,13 @@ class Page {
     if (graph === null) return;
     setText(this.title, graph.graph);
     document.title = `${graph.graph} · cosegraph`;
-    const isFile = graph.state === "file";
-    this.graphHolder.classList.toggle("absent", isFile);
-    this.sidebar.hidden = isFile;
-    this.follow.hidden = isFile;
-    if (isFile) return;
+    const isWired = graph.stages.length > 0;
+    this.graphHolder.classList.toggle("absent", !isWired);
+    this.sidebar.hidden = !isWired;
+    this.follow.hidden = this.latency.element.hidden = graph.state === "file";
+    if (!isWired) return;
     this.graphView.update(graph);
+    this.stageDialog.update(graph);
     this.graphView.mark(new Set(this.panes.map((pane) => pane.topic)));
     this.latency.update(graph);
     this.renderAccount(graph);
@@ -346,7 +370,7 @@ class Page {
       silent: "Nothing has been heard of the graph for some seconds.",
       ended: "The graph has ended. Its last frames stay here; the next run is shown when it starts.",
       waiting: graph === null ? "" : "Waiting for the graph: no stage has been heard yet.",
-    }[state as string] ?? "";
+    }[state as string] ?? graph?.note ?? "";
     setText(this.banner, text);
     this.banner.hidden = text === "";
     setText(this.missed, this.dropped === 0 ? ""
@@ -452,6 +476,10 @@ class Page {
       "[": () => this.active?.cycle(-1, true),
       "]": () => this.active?.cycle(1, true),
       p: () => this.addPane(),
+      o: () => {
+        const topic = this.listed.find((one) => one.name === this.active?.topic);
+        if (topic !== undefined) this.openStage(topic.stage);
+      },
       x: () => this.active !== null && this.closePane(this.active),
       n: () => {
         const next = this.panes[(this.panes.indexOf(this.active!) + 1) % this.panes.length];
