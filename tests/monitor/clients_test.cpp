@@ -72,16 +72,15 @@ class Clients : public testing::Test {
     }
   }
 
-  // A graph that labels frames for longer than any test looks at it, by "run" or by "up".
-  void start_graph(const std::string& how = "run", int frames = 2000,
-                   const std::string& rate = "1") {
+  // A graph that labels frames, by default for longer than any test looks at it.
+  void start_graph(int frames = 2000, const std::string& rate = "1") {
     ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runs").c_str(), 1);
     fs::create_directories(world_.path("stream"));
     for (int i = 0; i < frames; ++i)
       fs::create_hard_link(world_.path("queries/query-view" + std::to_string(i % 2) + ".ply"),
                            world_.path("stream/frame" + std::to_string(i) + ".ply"));
     run_ = std::make_unique<test::Program>(std::vector<std::string>{
-        "cosegraph", how, std::string(COSEGRAPH_SOURCE_DIR) + "/config/graphs/segment.yaml",
+        "cosegraph", "up", std::string(COSEGRAPH_SOURCE_DIR) + "/config/graphs/segment.yaml",
         "--param", "model.file=" + world_.path("model.coseg"), "--param",
         "source.path=" + world_.path("stream"), "--param", "source.rate=" + rate, "--param",
         "sink.folder=" + world_.path("out")});
@@ -244,7 +243,7 @@ TEST_F(Clients, APersonSeesARunningGraph) {
 
 TEST_F(Clients, APersonSwapsAStage) {
   if (!can_browse()) GTEST_SKIP() << kNoBrowser;
-  start_graph("up");
+  start_graph();
   const std::string address = start_monitor({"segment"});
   const json seen = node({"swap.mjs", browser().string(), "http://" + address, pictures(), "light",
                           "cpc", "min_segment", "5", "-1"});
@@ -264,7 +263,7 @@ TEST_F(Clients, APersonSeesARecording) {
   ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runs").c_str(), 1);
   test::Program recorder(
       {"cosegraph", "record", "segment", "-o", world_.path("run.mcap"), "--wait"});
-  start_graph("run", 4, "2");
+  start_graph(4, "2");
   const test::Outcome recorded = recorder.wait();
   ASSERT_EQ(recorded.status, 0) << recorded.errors;
   const std::string address = start_monitor({world_.path("run.mcap")});

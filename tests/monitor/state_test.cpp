@@ -121,16 +121,6 @@ TEST(GraphState, TellsParametersAndThoseOfASwappedStage) {
   EXPECT_EQ(param["default"], "0.25");
 }
 
-TEST(GraphState, NoticesSwapsByGenerations) {
-  GraphState state(small_graph(), small_topics());
-  graph::Observed seen = observed("cpc", {});
-  state.hear({{"cpc", seen}}, {});
-  const std::uint64_t before = state.generations();
-  seen.header.generation = 2;
-  state.hear({{"cpc", seen}}, {});
-  EXPECT_NE(state.generations(), before);
-}
-
 TEST(GraphState, KeepsTheNewestFailuresAndCountsAll) {
   GraphState state(small_graph(), small_topics());
   std::vector<graph::ObservedFailure> failures;

@@ -21,6 +21,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr auto kStatePeriod = 250ms;
+constexpr auto kReloadPeriod = 2s;      // of the graph as its keepers publish it
 constexpr std::size_t kMaxToDraw = 16;  // messages that wait to be made point clouds
 
 std::uint64_t wall_nanoseconds() {
@@ -265,15 +266,18 @@ class GraphFeed::Impl {
     graph::Observer& observer = remote_.observer();
     state_.hear(observer.stages(), observer.failures(state_.failure_count()));
     state_.set_agents(!observer.agents().empty());
-    if (std::exchange(generations_, state_.generations()) == state_.generations()) return;
-    // A stage may have been swapped, by whomever.
+  }
+
+  // Stages may have been swapped, by whomever.
+  void reload() {
     try {
       graph::GraphDescription graph =
           graph::find_run({.graph = graph_.graph, .instance = graph_.instance});
       auto infos = graph::infos_of(graph, catalog_);
+      const std::scoped_lock lock(mutex_);
       state_.change(std::move(graph), std::move(infos));
     } catch (const Error&) {
-      return;  // it is run on other hosts
+      return;  // it has ended, or is run on other hosts
     }
   }
 
@@ -301,6 +305,7 @@ class GraphFeed::Impl {
 
   void work() {
     auto told = std::chrono::steady_clock::now();
+    auto reloaded = told;
     std::unique_lock lock(mutex_);
     while (!stop_) {
       changed_.wait_until(lock, told + kStatePeriod, [this] { return stop_ || !to_draw_.empty(); });
@@ -316,6 +321,12 @@ class GraphFeed::Impl {
       if (std::chrono::steady_clock::now() - told < kStatePeriod) continue;
       told = std::chrono::steady_clock::now();
       look_around();
+      if (told - reloaded > kReloadPeriod) {
+        reloaded = told;
+        lock.unlock();
+        reload();
+        lock.lock();
+      }
       if (!subscribed_[state_channel()]) continue;
       const Message message = state_message();
       lock.unlock();
@@ -347,7 +358,6 @@ class GraphFeed::Impl {
   std::condition_variable changed_;
   bool stop_ = false;
   GraphState state_;
-  std::uint64_t generations_ = 0;
   bool ordering_ = false;
   std::deque<ToDraw> to_draw_;
   std::vector<bool> subscribed_;             // per channel

@@ -132,12 +132,6 @@ void GraphState::hear(graph::Look processes, const std::vector<graph::ObservedFa
   while (failures_.size() > kMaxFailures) failures_.pop_front();
 }
 
-std::uint64_t GraphState::generations() const {
-  std::uint64_t sum = 0;
-  for (const auto& [name, seen] : processes_) sum += seen.header.generation;
-  return sum;
-}
-
 RunState GraphState::state(Time now) const {
   if (end_ != RunState::waiting) return end_;
   if (processes_.empty()) return RunState::waiting;

@@ -44,8 +44,6 @@ class GraphState {
   void end(RunState how = RunState::ended) { end_ = how; }
 
   const graph::GraphDescription& graph() const { return graph_; }
-  // Changes whenever a stage was swapped or has begun anew.
-  std::uint64_t generations() const;
   std::size_t failure_count() const { return failure_count_; }
 
   RunState state(Time now) const;

@@ -31,7 +31,7 @@ await field.fill(value);
 seen.trial = await outcome("Try");
 seen.swap = await outcome("Swap");
 await page.waitForFunction(() =>
-  /generation [2-9]/.test(document.querySelector(".stage-dialog tbody tr").textContent));
+  /generation [1-9]/.test(document.querySelector(".stage-dialog tbody tr").textContent));
 seen.after = await dialog.locator("tbody tr").allTextContents();
 await page.screenshot({ path: `${folder}/swap-${theme}.png` });
 console.log(JSON.stringify(seen));
