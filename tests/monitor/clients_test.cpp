@@ -235,7 +235,7 @@ TEST_F(Clients, APersonSeesARunningGraph) {
   EXPECT_THAT(seen["rate"], Contains(HasSubstr("/s")));
   EXPECT_EQ(seen["pill"], "running");
   EXPECT_THAT(seen["account"].get<std::string>(), HasSubstr("admitted"));
-  EXPECT_THAT(seen["held"], SizeIs(2));
+  EXPECT_THAT(seen["held"], SizeIs(3));
   EXPECT_THAT(seen["help"].get<std::string>(), HasSubstr("previous, next frame"));
   EXPECT_EQ(seen["theme"], "light");
   EXPECT_EQ(seen["otherTheme"], "dark");
@@ -292,6 +292,9 @@ TEST_F(Clients, APersonSeesFilesWithoutAGraph) {
   EXPECT_GT(seen["topics"]["file/labelling"]["drawn"], 0.03);
   EXPECT_THAT(seen["topics"]["file/labelling"]["legend"].get<std::string>(), HasSubstr("handle"));
   EXPECT_EQ(seen["topics"]["file/spectrum"]["charts"], 3);
+  ASSERT_THAT(seen["held"], SizeIs(3));
+  EXPECT_NE(seen["held"][0], seen["held"][1]);
+  EXPECT_EQ(seen["held"][0], seen["held"][2]);
   EXPECT_EQ(seen["stages"], 0);
 }
 

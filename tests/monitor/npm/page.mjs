@@ -58,21 +58,26 @@ seen.stages = await page.locator(".graph .stage").count();
 seen.wires = await page.locator(".graph .wire").count();
 seen.rate = await page.locator(".graph .rate").allTextContents();
 
-// The keyboard: hold the frame and go back and forth, ask for the keys, close them.
+// The keyboard: hold the frame, go to the one beside it and back, ask for the keys, close them.
 const frame = () => page.locator(".frame-name").textContent();
-if (await page.locator("footer input").isEnabled()) {
-  await page.keyboard.press("ArrowLeft");
-  await page.waitForFunction(() =>
-    document.querySelector(".frame-name").textContent.endsWith("held"));
+const press = async (key) => {
   const before = await frame();
-  await page.keyboard.press("ArrowRight");
+  await page.keyboard.press(key);
   await page.waitForFunction((old) =>
     document.querySelector(".frame-name").textContent !== old, before);
-  seen.held = [before, await frame()];
+};
+if (await page.locator("footer input").isEnabled()) {
+  if (!(await frame()).endsWith("held")) await press(" ");
+  const isFirst = (await page.locator("footer input").inputValue()) === "0";
+  seen.held = [await frame()];
+  for (const key of isFirst ? ["ArrowRight", "ArrowLeft"] : ["ArrowLeft", "ArrowRight"]) {
+    await press(key);
+    seen.held.push(await frame());
+  }
 }
 await page.keyboard.press("?");
-await page.waitForSelector("dialog[open]");
-seen.help = await page.locator("dialog").innerText();
+await page.waitForSelector("dialog.help[open]");
+seen.help = await page.locator("dialog.help").innerText();
 await page.keyboard.press("Escape");
 await page.keyboard.press("t");
 seen.otherTheme = await page.evaluate(() => document.documentElement.dataset.theme);
