@@ -422,7 +422,8 @@ class Page {
     if (key === this.shownFailures) return;
     this.shownFailures = key;
     if (total === 0)
-      return replace(this.failures, h("li", { class: "none" }, "none since the monitor began"));
+      return replace(this.failures, h("li", { class: "none" },
+        graph.state === "file" ? "none" : "none since the monitor began"));
     replace(this.failures, ...[...graph.failures].reverse().slice(0, 50).map((failure) =>
       h("li", {}, h("b", {}, failure.frame || `frame ${failure.sequence}`), ` at ${failure.stage}`,
         h("time", {}, new Date(failure.time).toLocaleTimeString()),
