@@ -146,12 +146,10 @@ class Change {
   template <class T>
   requires std::is_arithmetic_v<T>
   void operator()(T& number) {
-    const T near[] = {static_cast<T>(number + T{1}), static_cast<T>(number / T{2}),
+    const bool is_last = number == std::numeric_limits<T>::max();
+    const T near[] = {is_last ? T{0} : static_cast<T>(number + T{1}), static_cast<T>(number / T{2}),
                       odd_number<T>(random_)};
-    if constexpr (std::is_signed_v<T> && std::is_integral_v<T>)
-      number = number == std::numeric_limits<T>::max() ? T{0} : near[random_.below(3)];
-    else
-      number = near[random_.below(3)];
+    number = near[random_.below(3)];
   }
 
   void operator()(std::string& text) {
@@ -349,11 +347,9 @@ template <class Value>
 idl::Bytes changed(const idl::Bytes& bytes, Random& random) {
   Value value = idl::decode<Value>(bytes);
   Change change(random);
-  for (std::size_t i = 0; i <= random.below(3); ++i)
-    if (random.below(4) == 0)
-      reshape(value, random);
-    else
-      change(value);
+  const bool keeps_sizes = random.below(4) == 0;
+  if (keeps_sizes) reshape(value, random);
+  for (std::size_t i = random.below(3) + (keeps_sizes ? 0 : 1); i > 0; --i) change(value);
   return idl::encode(idl::decode_header(bytes), value);
 }
 
