@@ -1,6 +1,7 @@
 // Writes the seeds of every target: fuzz-corpus FOLDER. All that is in them is computed here from a
 // small scene (scene.hpp).
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <limits>
@@ -140,6 +141,12 @@ void add_hostile_pictures(const Corpus& corpus, const Messages& m) {
 }
 
 void add_hostile_rest(const Corpus& corpus, const Messages& m) {
+  constexpr std::uint8_t kScores = 5;  // among idl::type_names()
+  corpus.add("decode", "hostile-no-columns", kScores,
+             {with<Scores>(m.scores, [](Scores& scores) { scores.label_names.clear(); })});
+  corpus.add("segments", "hostile-nan-vector", 2,
+             {with<Encodings>(m.encodings, [](Encodings& e) { e.value[0] = std::nanf(""); }),
+              m.appearance});
   corpus.add("segments", "hostile-many", 2,
              {idl::encode(kHeader, Encodings{.segment_count = std::numeric_limits<int>::max(),
                                              .dimension = 1}),
