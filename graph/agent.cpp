@@ -221,7 +221,7 @@ class Agent::Impl {
                                                auto value = idl::decode<Value>(*sample);
                                                const std::scoped_lock lock(mutex_);
                                                take(header, std::move(value));
-                                             } catch (const Error&) {
+                                             } catch (const std::exception&) {
                                                return;  // a stranger's message
                                              }
                                              const std::uint64_t one = 1;
