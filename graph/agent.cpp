@@ -12,6 +12,7 @@
 
 #include "graph/control.hpp"
 #include "graph/dds.hpp"
+#include "graph/discovery_server.hpp"
 #include "graph/figures.hpp"
 #include "graph/observer.hpp"
 #include "graph/runs.hpp"
@@ -84,6 +85,9 @@ class Agent::Impl {
             supervisor_options(),
             [this](const std::string& stage, std::uint32_t replica,
                    const std::vector<std::string>& lines) { print(stage, replica, lines); }),
+        discovery_server_(serves_discovery(graph_, options_.host)
+                              ? std::make_unique<DiscoveryServer>(graph_.dds)
+                              : nullptr),
         participant_(graph_,
                      graph_.graph + "/agent" + (options_.host.empty() ? "" : "/" + options_.host)) {
     adopted_ = supervisor_.adopt();
@@ -120,6 +124,7 @@ class Agent::Impl {
       }
       for (const auto& process : changed) speak_for(process);
       obey_orders();
+      if (discovery_server_) say(discovery_server_->attend());
       if (swap_) step_swap();
       if (!recovered_ && Clock::now() - began_ > kRecoverAfter) recover();
       for (const auto& order : std::exchange(leftover_orders_, {})) send(order);
@@ -236,6 +241,10 @@ class Agent::Impl {
     if (host != graph_.hosts.end()) status.address = host->address;
     status_writer_->write(idl::encode(header(), status));
     published_ = Clock::now();
+  }
+
+  void say(const std::string& line) {
+    if (options_.on_output && !line.empty()) options_.on_output("agent", line);
   }
 
   void print(const std::string& stage, std::uint32_t replica,
@@ -595,6 +604,7 @@ class Agent::Impl {
   std::string swap_activity_;
   Clock::time_point published_{};
 
+  std::unique_ptr<DiscoveryServer> discovery_server_;
   Participant participant_;
   std::unique_ptr<Writer> status_writer_;
   std::unique_ptr<Writer> stage_writer_;
