@@ -4,8 +4,8 @@
 // will never happen (a tombstone). Messages are identified by (epoch, sequence, port); what comes
 // twice or too late is ignored. A larger epoch ends the older one. Holds no thread and no DDS.
 //
-// Whoever writes on the topics can claim any frame: of frames that are too far ahead to be in flight
-// only a bounded number and amount is kept, the nearest first.
+// Whoever writes on the topics can claim any frame: of frames that are too far ahead to be in
+// flight only a bounded number and amount is kept, the nearest first.
 //
 // A stage that is started in the middle of a stream goes on at the first frame that is not over,
 // which the source tells (settle); one in standby keeps what arrives until it is told where to

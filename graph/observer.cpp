@@ -27,7 +27,7 @@ Observer::Observer(const GraphDescription& graph)
           news_.notify_all();
         }));
   };
-  read("stage_status", "StageStatus", 1,
+  read("stage_status", "StageStatus", kStatusDepth,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          const StageNode* node = graph_.stage(header.stage);
          auto status = idl::decode<idl::StageStatus>(bytes);
@@ -38,11 +38,12 @@ Observer::Observer(const GraphDescription& graph)
          if (header.generation < seen.header.generation && now - seen.heard < kForgotten) return;
          seen = {header, std::move(status), now};
        });
-  read("agent_status", "AgentStatus", 1, [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
-    auto status = idl::decode<idl::AgentStatus>(bytes);
-    const std::string host = status.host;
-    agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
-  });
+  read("agent_status", "AgentStatus", kStatusDepth,
+       [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
+         auto status = idl::decode<idl::AgentStatus>(bytes);
+         const std::string host = status.host;
+         agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
+       });
   read("frame_failure", "FrameFailure", 2 * graph.window + 2,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          if (graph_.stage(header.stage) == nullptr) return;

@@ -31,7 +31,7 @@ constexpr std::size_t kModelsKept = 2;  // the newest of a latched input
 constexpr auto kModelPatience = 10s;    // for a model id that is not known yet
 constexpr auto kTick = 50ms;            // of the timer
 constexpr auto kStatusPeriod = 250ms;
-constexpr auto kResumePatience = 2s;  // for the source's word on which frames are over
+constexpr auto kResumePatience = 5s;  // for the source's word on which frames are over
 constexpr auto kAbandonAfter = 2s;    // leaves' time to report an overdue frame
 constexpr auto kHoldPatience = 15s;   // drained, and nobody has taken the place
 constexpr std::uint32_t kDeathsOfAFrame = 2;
@@ -239,7 +239,7 @@ class StageRunner::Impl final : public StageHost {
            const auto command = idl::decode<idl::Command>(*sample);
            if (command.stage == node_.name) obey(command);
          });
-    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = 1},
+    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = kStatusDepth},
          [this](const FrameHeader& header, const Sample& sample) { hear(header, *sample); });
     if (source_ != nullptr)
       open_source_readers(frames);
@@ -802,13 +802,14 @@ class StageRunner::Impl final : public StageHost {
   }
 
   void tick() {
-    const auto begin = Clock::now();
-    auto published = begin;
+    auto published = Clock::now();
+    std::optional<Clock::time_point> waiting;  // since a stream is heard
     std::unique_lock lock(mutex_);
     while (!stop_) {
       changed_.wait_for(lock, kTick, [this] { return stop_; });
       const auto now = Clock::now();
-      if (now - begin > kResumePatience) join_.resume_anyway();
+      if (!waiting && join_.position().epoch != 0) waiting = now;
+      if (waiting && now - *waiting > kResumePatience) join_.resume_anyway();
       const bool news =
           source_ != nullptr && ledger_.settled(next_admission_) != published_settled_;
       lock.unlock();
