@@ -13,12 +13,17 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <fastdds/rtps/flowcontrol/FlowControllerDescriptor.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <set>
 
 #include "graph/discovery.hpp"
+#include "graph/interfaces.hpp"
 
 namespace cosegraph::graph {
 namespace {
@@ -68,10 +73,19 @@ rtps::Locator_t udp_locator(const std::string& field, const std::string& address
                             std::uint32_t port) {
   rtps::Locator_t locator;
   locator.kind = LOCATOR_KIND_UDPv4;
-  if (!rtps::IPLocator::setIPv4(locator, address))
-    throw Error(field + ": '" + address + "' is not an IPv4 address");
+  const auto [found, found_of_v6] = rtps::IPLocator::resolveNameDNS(address);
+  if (found.empty() || !rtps::IPLocator::setIPv4(locator, *found.begin()))
+    throw Error(field + ": '" + address + "' is neither an IPv4 address nor the name of one");
   locator.port = port;
   return locator;
+}
+
+// This host is always a peer: its participants would not find each other otherwise.
+void set_peers(std::vector<std::string> peers, dds::DomainParticipantQos& qos) {
+  peers.emplace_back("127.0.0.1");
+  for (const auto& peer : peers)
+    qos.wire_protocol().builtin.initialPeersList.push_back(
+        udp_locator("dds.discovery.peers", peer, 0));
 }
 
 // Makes the participant a client of the discovery server with id 0 at "HOST:PORT".
@@ -86,20 +100,73 @@ void set_server(const std::string& server, rtps::DiscoverySettings& discovery) {
   discovery.m_DiscoveryServers.push_back(remote);
 }
 
-dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name) {
-  dds::DomainParticipantQos qos;
-  qos.name(name);
+// The topics of a participant that readers on other hosts take; none unless it is a stage's.
+std::set<std::string> topics_between_hosts(const GraphDescription& graph, const std::string& name) {
+  std::set<std::string> result;
+  const std::string prefix = graph.graph + "/";
+  const std::string stage = name.starts_with(prefix) ? name.substr(prefix.size()) : "";
+  if (graph.one_process || graph.stage(stage) == nullptr) return result;
+  const auto hosts_here = hosts_of(*graph.stage(stage));
+  const auto is_here = [&](const std::string& host) { return host == hosts_here.front(); };
+  const bool spread = !std::ranges::all_of(hosts_here, is_here);
+  for (const auto& reader : graph.stages)
+    for (const auto& input : reader.inputs)
+      if (input.from_stage == stage && (spread || !std::ranges::all_of(hosts_of(reader), is_here)))
+        result.insert(topic_name(graph, stage, input.from_port));
+  return result;
+}
+
+using Udp = eprosima::fastdds::rtps::UDPv4TransportDescriptor;
+
+// Sends messages that networks carry in one packet; takes in any.
+class OnePacketUdp final : public Udp {
+ public:
+  // A larger message is several IP fragments, and lost with any of them. What is left of it stops
+  // the receiver: the kernel keeps it for 30 s in 4 MB, and takes no further fragments meanwhile.
+  std::uint32_t max_message_size() const override { return kMtu - kIpAndUdpHeaders; }
+
+ private:
+  static constexpr std::uint32_t kMtu =
+      1400;  // that of most tunnels and overlays; Ethernet's: 1500
+  static constexpr std::uint32_t kIpAndUdpHeaders = 28;
+};
+
+std::shared_ptr<Udp> udp_transport(bool between_hosts) {
   constexpr std::uint32_t kSocketBuffer = 4U << 20U;
-  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  auto udp = between_hosts ? std::make_shared<OnePacketUdp>() : std::make_shared<Udp>();
   udp->sendBufferSize = kSocketBuffer;
   udp->receiveBufferSize = kSocketBuffer;
   udp->non_blocking_send = false;
   // Only the first few participants of an address given without a port are tried otherwise.
   udp->maxInitialPeersRange = 64;
+  return udp;
+}
+
+constexpr const char* kRateLimit = "rate";
+
+// Hands no more than `rate` (Mbit/s) to the network.
+std::shared_ptr<eprosima::fastdds::rtps::FlowControllerDescriptor> rate_limit(double rate) {
+  constexpr double kShortestPeriod = 10.0;      // ms
+  constexpr double kLeastPerPeriod = 4 * 1500;  // bytes; several messages
+  const double bytes_per_ms = rate * 1e6 / 8.0 / 1e3;
+  const double period = std::ceil(std::max(kShortestPeriod, kLeastPerPeriod / bytes_per_ms));
+  auto result = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
+  result->name = kRateLimit;
+  result->scheduler = eprosima::fastdds::rtps::FlowControllerSchedulerPolicy::FIFO;
+  result->period_ms = static_cast<std::uint64_t>(period);
+  result->max_bytes_per_period = static_cast<std::int32_t>(bytes_per_ms * period);
+  return result;
+}
+
+dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name,
+                                          bool between_hosts) {
+  dds::DomainParticipantQos qos;
+  qos.name(name);
   // UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
   // behind that stops its readers for good.
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(udp);
+  qos.transport().user_transports.push_back(udp_transport(between_hosts));
+  if (graph.dds.rate > 0.0) qos.flow_controllers().push_back(rate_limit(graph.dds.rate));
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   // A participant that is silent for so long is given up, with what was sent to it. Those of one
   // process are only silent when the process is (suspended, stopped, starved of CPU), and must not
@@ -109,9 +176,7 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
   else
     discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
-  if (graph.dds.discovery == Discovery::peers)
-    for (const auto& peer : graph.dds.peers)
-      qos.wire_protocol().builtin.initialPeersList.push_back(udp_locator("dds.peers", peer, 0));
+  if (graph.dds.discovery == Discovery::peers) set_peers(graph.dds.peers, qos);
   if (graph.dds.discovery == Discovery::server) set_server(graph.dds.server, discovery);
   return qos;
 }
@@ -157,6 +222,7 @@ struct Participant::Impl {
   dds::Subscriber* subscriber = nullptr;
   std::mutex mutex;
   std::map<std::string, dds::Topic*> topics;
+  std::set<std::string> rate_limited;  // topics
 
   ~Impl() {
     if (participant == nullptr) return;
@@ -239,10 +305,13 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
     : impl_(std::make_unique<Impl>()) {
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
+  for (const auto& host : graph.hosts) count_as_connected(host.address);
+  const auto between_hosts = topics_between_hosts(graph, name);
+  if (graph.dds.rate > 0.0) impl_->rate_limited = between_hosts;
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  impl_->participant =
-      factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                  participant_qos(graph, name), listener, dds::StatusMask::none());
+  impl_->participant = factory->create_participant(
+      static_cast<std::uint32_t>(graph.dds.domain),
+      participant_qos(graph, name, !between_hosts.empty()), listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;
@@ -263,6 +332,10 @@ std::unique_ptr<Writer> Participant::writer(const std::string& topic, std::strin
   dds::DataWriterQos qos;
   set_common(qos, wanted);
   qos.reliable_writer_qos().times.heartbeatPeriod = milliseconds(50);
+  if (impl_->rate_limited.contains(topic)) {
+    qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
+    qos.publish_mode().flow_controller_name = kRateLimit;
+  }
   auto* writer = impl_->publisher->create_datawriter(impl_->topic(topic, type), qos);
   if (writer == nullptr) throw Error("cannot create a writer for " + topic);
   return std::make_unique<DdsWriter>(impl_->publisher, writer);

@@ -47,7 +47,9 @@ class Reader {
   virtual int matched() const = 0;
 };
 
-// Within one process messages are handed over directly, else they go by UDP.
+// Within one process messages are handed over directly, else they go by UDP. A stage that feeds
+// another host sends messages of one packet, which need more of the CPU than large ones but arrive
+// where packets are lost.
 class Participant {
  public:
   // Throws Error naming the domain if DDS cannot be started. `listener`, who is told of other

@@ -101,6 +101,7 @@ struct Dds {
   Discovery discovery = Discovery::multicast;
   std::vector<std::string> peers;  // addresses
   std::string server;              // "host:port"
+  double rate = 0.0;  // Mbit/s that a stage sends to other hosts at most; 0: as fast as it goes
 };
 
 struct Host {
@@ -130,8 +131,8 @@ struct GraphDescription {
 // The host of each replica of a stage, one after the other; of a stage without replicas, its host.
 std::vector<std::string> hosts_of(const StageNode& stage);
 
-// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "policy",
-// "max" and "backoff".
+// Keys of a graph file that hold plain values: "window" and "deadline", "domain" and "rate",
+// "policy", "max" and "backoff".
 Fields describe(GraphDescription& graph);
 Fields describe(Dds& dds);
 Fields describe(Restart& restart);

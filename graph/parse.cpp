@@ -165,8 +165,8 @@ void Reader::read_version(const Entry& entry) {
 }
 
 void Reader::read_dds(const Entry& entry, Dds& dds) {
-  for (const auto& item : entries(entry, {"domain", "discovery"})) {
-    if (item.key == "domain") set(describe(dds), item);
+  for (const auto& item : entries(entry, {"domain", "rate", "discovery"})) {
+    if (item.key == "domain" || item.key == "rate") set(describe(dds), item);
     if (item.key == "discovery") read_discovery(item, dds);
   }
 }

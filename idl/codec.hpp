@@ -142,6 +142,8 @@ struct AgentStatus {
   std::string address;
   std::uint32_t pid = 0;
   std::vector<AgentProcess> processes;
+  std::string swapping;        // the stage whose swap it leads; empty: none
+  std::uint32_t newcomer = 0;  // generation in that swap
 };
 
 struct LogLines {
@@ -167,6 +169,9 @@ Bytes encode(const FrameHeader& header, const Value& value);
 // Throws InputError naming the type and what does not fit.
 template <class Value>
 Value decode(std::span<const std::uint8_t> bytes);
+
+// Throws as decode does for the type of that name, or InputError if there is none.
+void check(std::string_view type, std::span<const std::uint8_t> bytes);
 
 // The header that every message begins with.
 FrameHeader decode_header(std::span<const std::uint8_t> bytes);
