@@ -18,6 +18,9 @@
 #include <map>
 #include <mutex>
 
+#include "graph/credentials.hpp"
+#include "graph/dds_security.hpp"
+
 namespace cosegraph::graph {
 namespace {
 
@@ -222,13 +225,17 @@ class DdsReader final : public Reader {
 
 }  // namespace
 
-Participant::Participant(const GraphDescription& graph, const std::string& name)
+Participant::Participant(const GraphDescription& graph, const std::string& name,
+                         const Identity& identity)
     : impl_(std::make_unique<Impl>()) {
+  require_keys(graph, identity);
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                                   participant_qos(graph, name));
+  dds::DomainParticipantQos qos = participant_qos(graph, name);
+  if (!graph.dds.security.empty()) set_security(key_files(graph, identity), qos);
+  impl_->participant =
+      factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain), qos);
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;

@@ -14,6 +14,7 @@
 
 #include "graph/description.hpp"
 #include "graph/stage.hpp"
+#include "graph/topics.hpp"
 #include "idl/codec.hpp"
 
 namespace cosegraph::graph {
@@ -42,8 +43,10 @@ class Reader {
 // Within one process messages are handed over directly, else they go by UDP.
 class Participant {
  public:
-  // Throws Error naming the domain if DDS cannot be started.
-  Participant(const GraphDescription& graph, const std::string& name);
+  // `identity`: whose keys it has, if the graph has security. Throws GraphError if those cannot be
+  // used, Error naming the domain if DDS cannot be started.
+  Participant(const GraphDescription& graph, const std::string& name,
+              const Identity& identity = Identity::observer());
   ~Participant();
 
   std::unique_ptr<Writer> writer(const std::string& topic, std::string_view type,

@@ -100,7 +100,12 @@ struct Dds {
   Discovery discovery = Discovery::multicast;
   std::vector<std::string> peers;  // addresses
   std::string server;              // "host:port"
+  std::string security;            // folder of keys; absolute after load(); empty: none
+  Mark security_mark;              // of its value
 };
+
+// Whether the address is this machine's own.
+bool is_loopback(std::string_view address);
 
 struct Host {
   std::string name;

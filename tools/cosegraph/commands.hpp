@@ -19,6 +19,7 @@ void add_job_commands(CLI::App& app, const Choose& choose);     // view train se
 void add_sample_command(CLI::App& app, const Choose& choose);   // sample
 void add_picture_command(CLI::App& app, const Choose& choose);  // picture
 void add_eval_command(CLI::App& app, const Choose& choose);     // eval
+void add_keys_command(CLI::App& app, const Choose& choose);     // keys
 
 // Every kind of stage that this program was built with.
 const graph::StageTable& stage_table();
