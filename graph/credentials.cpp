@@ -44,20 +44,22 @@ Store read_authority(const fs::path& file) {
   return store;
 }
 
+std::string text_of(const Bio& bio) {
+  char* text = nullptr;
+  const long size = BIO_get_mem_data(bio.get(), &text);
+  return {text, static_cast<std::size_t>(size)};
+}
+
 std::string text_of(const ASN1_TIME* time) {
   const Bio out(BIO_new(BIO_s_mem()));
   ASN1_TIME_print(out.get(), time);
-  char* text = nullptr;
-  const long size = BIO_get_mem_data(out.get(), &text);
-  return {text, static_cast<std::size_t>(size)};
+  return text_of(out);
 }
 
 std::string subject_of(const X509* certificate) {
   const Bio out(BIO_new(BIO_s_mem()));
   X509_NAME_print_ex(out.get(), X509_get_subject_name(certificate), 0, XN_FLAG_RFC2253);
-  char* text = nullptr;
-  const long size = BIO_get_mem_data(out.get(), &text);
-  return {text, static_cast<std::size_t>(size)};
+  return text_of(out);
 }
 
 void require_certificate(const KeyFiles& files, const std::string& subject) {
@@ -93,7 +95,8 @@ void require_key(const KeyFiles& files) {
     throw InputError(files.key.string() + " does not belong to " + files.certificate.string());
 }
 
-void require_signed(const fs::path& document, const fs::path& authority) {
+// The document's text.
+std::string require_signed(const fs::path& document, const fs::path& authority) {
   const Bio in = open(document);
   BIO* content = nullptr;
   const Signed parsed(in ? SMIME_read_PKCS7(in.get(), &content) : nullptr);
@@ -104,6 +107,14 @@ void require_signed(const fs::path& document, const fs::path& authority) {
       PKCS7_verify(parsed.get(), nullptr, store.get(), content, out.get(), PKCS7_TEXT) != 1)
     throw InputError(document.string() + " is not signed by the authority of " +
                      authority.string());
+  return text_of(out);
+}
+
+void require_documents(const KeyFiles& files, const std::string& subject) {
+  require_signed(files.governance, files.permissions_ca);
+  const std::string permissions = require_signed(files.permissions, files.permissions_ca);
+  if (permissions.find("<subject_name>" + subject + "</subject_name>") == std::string::npos)
+    throw InputError(files.permissions.string() + " holds no permissions of " + subject);
 }
 
 }  // namespace
@@ -118,10 +129,10 @@ void require_keys(const GraphDescription& graph, const Identity& identity) {
   for (const auto& message : key_faults(files)) add(message);
   if (faults.empty()) {
     try {
-      require_certificate(files, subject_of(graph, identity).to_text());
+      const std::string subject = subject_of(graph, identity).to_text();
+      require_certificate(files, subject);
       require_key(files);
-      require_signed(files.governance, files.permissions_ca);
-      require_signed(files.permissions, files.permissions_ca);
+      require_documents(files, subject);
     } catch (const InputError& error) {
       add(error.what());
     }

@@ -73,6 +73,12 @@ void set_security(const KeyFiles& files, dds::DomainParticipantQos& qos) {
   set("dds.sec.crypto.plugin", "builtin.AES-GCM-GMAC");
   for (auto& used : qos.transport().user_transports)
     used = std::make_shared<OneByOneDescriptor>(used);
+  // Once one of two participants has given the other up, they never meet again: who still counts
+  // the other as authenticated does not answer its new handshake. So a pause of a process or of the
+  // network must not end a lease; what is left of the dead goes after an hour.
+  auto& discovery = qos.wire_protocol().builtin.discovery_config;
+  if (discovery.leaseDuration != eprosima::fastrtps::c_TimeInfinite)
+    discovery.leaseDuration = {3600, 0};
 }
 
 }  // namespace cosegraph::graph

@@ -20,7 +20,7 @@ std::string element(std::string_view name, const std::string& content) {
   return "<" + std::string(name) + ">" + content + "</" + std::string(name) + ">";
 }
 
-// On a line each: signed text goes through software for mail, which knows no long lines.
+// On a line each: signed text goes through software for mail, which does not expect long lines.
 std::string elements(std::string_view name, const std::vector<std::string>& contents) {
   std::string result;
   for (const auto& content : contents) result += "\n" + element(name, content);
@@ -128,19 +128,23 @@ Subject subject_of(const GraphDescription& graph, const Identity& identity) {
           .organisation = graph.graph};
 }
 
+// Payloads are encrypted once, with a key that only readers of the topic get; what goes with them
+// is signed, so that nobody else can acknowledge or withdraw samples.
 std::string governance_text(const GraphDescription& graph) {
-  const std::string topic =
-      element("topic_expression", "*") + element("enable_discovery_protection", "true") +
-      element("enable_liveliness_protection", "true") +
-      element("enable_read_access_control", "true") +
-      element("enable_write_access_control", "true") + element("metadata_protection_kind", "SIGN") +
-      element("data_protection_kind", "ENCRYPT");
-  const std::string rule =
-      domains_text(graph) + element("allow_unauthenticated_participants", "false") +
-      element("enable_join_access_control", "true") +
-      element("discovery_protection_kind", "ENCRYPT") +
-      element("liveliness_protection_kind", "ENCRYPT") + element("rtps_protection_kind", "NONE") +
-      element("topic_access_rules", element("topic_rule", topic));
+  const std::string topic = "\n" + element("topic_expression", "*") + "\n" +
+                            element("enable_discovery_protection", "true") + "\n" +
+                            element("enable_liveliness_protection", "true") + "\n" +
+                            element("enable_read_access_control", "true") + "\n" +
+                            element("enable_write_access_control", "true") + "\n" +
+                            element("metadata_protection_kind", "SIGN") + "\n" +
+                            element("data_protection_kind", "ENCRYPT") + "\n";
+  const std::string rule = "\n" + domains_text(graph) + "\n" +
+                           element("allow_unauthenticated_participants", "false") + "\n" +
+                           element("enable_join_access_control", "true") + "\n" +
+                           element("discovery_protection_kind", "ENCRYPT") + "\n" +
+                           element("liveliness_protection_kind", "ENCRYPT") + "\n" +
+                           element("rtps_protection_kind", "NONE") + "\n" +
+                           element("topic_access_rules", element("topic_rule", topic)) + "\n";
   return document("omg_shared_ca_governance.xsd",
                   element("domain_access_rules", element("domain_rule", rule)));
 }
@@ -185,6 +189,12 @@ std::vector<Fault> check_keys(const GraphDescription& graph, const Catalog& cata
   if (!fs::is_directory(folder, ignored)) {
     add("there is no folder " + folder.string() + "; 'cosegraph keys init' makes it");
   } else {
+    const auto check_document = [&](const fs::path& file, const std::string& wanted) {
+      if (unreadable(file).empty() && !holds(file, wanted))
+        add(file.string() +
+            " is not for this graph as it is now; issue it again with 'cosegraph keys issue'");
+    };
+    check_document(key_files(graph, {}).governance, governance_text(graph));
     for (const auto& identity : identities_here(graph)) {
       const KeyFiles files = key_files(graph, identity);
       if (!fs::exists(files.certificate.parent_path(), ignored)) {
@@ -193,10 +203,7 @@ std::vector<Fault> check_keys(const GraphDescription& graph, const Catalog& cata
         continue;
       }
       for (const auto& message : key_faults(files)) add(message);
-      if (unreadable(files.permissions).empty() &&
-          !holds(files.permissions, permissions_text(graph, catalog, identity, {})))
-        add(files.permissions.string() +
-            " is not for this graph as it is now; issue it again with 'cosegraph keys issue'");
+      check_document(files.permissions, permissions_text(graph, catalog, identity, {}));
     }
   }
   std::vector<Fault> faults;

@@ -75,7 +75,8 @@ std::vector<std::string> key_faults(const KeyFiles& files);
 
 // What is wrong with the keys of a graph with dds.security, for all that may run on this machine
 // (stages without a host, or with one whose address is the loopback; if there is one, observer and
-// agent too): key_faults(), and permissions for other topics than the graph has now.
+// agent too): key_faults(), and documents for other topics or another domain than the graph has
+// now.
 std::vector<Fault> check_keys(const GraphDescription& graph, const Catalog& catalog);
 
 }  // namespace cosegraph::graph
