@@ -2,6 +2,8 @@
 #
 # PCL is not taken through its own CMake package: that
 # pulls VTK, Qt and MPI into every target. The few libraries used are named here instead.
+# The package is compiled as C++14, where PCL's classes bring an operator new of Eigen's. Since C++17
+# Eigen leaves it out, and what PCL has allocated would be freed by another function than its own.
 
 find_package(Threads REQUIRED)
 find_package(OpenMP REQUIRED COMPONENTS CXX)
@@ -17,6 +19,7 @@ foreach(part common kdtree octree search features filters segmentation sample_co
   set_target_properties(pcl::${part} PROPERTIES IMPORTED_LOCATION ${PCL_${part}_LIBRARY})
   set_target_properties(pcl::${part} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${PCL_INCLUDE_DIR}"
                         INTERFACE_SYSTEM_INCLUDE_DIRECTORIES "${PCL_INCLUDE_DIR}"
+                        INTERFACE_COMPILE_DEFINITIONS EIGEN_HAS_CXX17_OVERALIGN=0
                         INTERFACE_LINK_LIBRARIES Eigen3::Eigen)
 endforeach()
 

@@ -56,6 +56,17 @@ function(add_stage kind)
   set_property(GLOBAL APPEND PROPERTY COSEGRAPH_STAGES ${kind})
 endfunction()
 
+# Against tests that hang, in seconds. Sanitizers make some ten times slower.
+set(COSEGRAPH_TEST_TIMEOUT 300)
+if(COSEGRAPH_SANITIZE)
+  set(COSEGRAPH_TEST_TIMEOUT 1800)
+  # Building runs no test program, so that only ctest needs the options of the sanitizers.
+  set(CMAKE_GTEST_DISCOVER_TESTS_DISCOVERY_MODE PRE_TEST)
+endif()
+
+# The tests labelled "unit", without the programs that others run.
+add_custom_target(unit_tests)
+
 # add_unit_test(NAME SOURCES x_test.cpp... [LIBS lib...] [LABEL label] [SERIAL])
 # One GoogleTest executable, <NAME>_test, with every test known to ctest. LABEL: "dds" for tests
 # that start participants, "end_to_end" for those that run programs; without one a test is
@@ -81,5 +92,9 @@ function(add_unit_test name)
   target_link_libraries(${name}_test PRIVATE ${ARG_LIBS} GTest::gmock GTest::gtest_main
                                              cosegraph_settings)
   gtest_discover_tests(${name}_test TEST_PREFIX ${name}. PROPERTIES LABELS ${ARG_LABEL}
-                       RUN_SERIAL ${ARG_SERIAL} TIMEOUT 300 DISCOVERY_TIMEOUT 60)
+                       RUN_SERIAL ${ARG_SERIAL} TIMEOUT ${COSEGRAPH_TEST_TIMEOUT}
+                       DISCOVERY_TIMEOUT 60)
+  if(ARG_LABEL STREQUAL unit)
+    add_dependencies(unit_tests ${name}_test)
+  endif()
 endfunction()

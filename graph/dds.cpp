@@ -20,6 +20,7 @@
 
 #include "graph/credentials.hpp"
 #include "graph/dds_security.hpp"
+#include "graph/discovery.hpp"
 
 namespace cosegraph::graph {
 namespace {
@@ -119,7 +120,8 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
 
 template <class Qos>
 void set_common(Qos& qos, const EndpointQos& wanted) {
-  qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+  qos.reliability().kind =
+      wanted.reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
   qos.durability().kind =
       wanted.keep_for_late ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
@@ -168,7 +170,8 @@ struct Participant::Impl {
     const std::scoped_lock lock(mutex);
     auto& known = topics[name];
     if (known != nullptr) return known;
-    const std::string wire = idl::wire_type(type);
+    const bool is_foreign = type.find("::") != std::string_view::npos;
+    const std::string wire = is_foreign ? std::string(type) : idl::wire_type(type);
     dds::TypeSupport support(new EncodedType(wire));
     support.register_type(participant);
     known = participant->create_topic(name, wire, dds::TOPIC_QOS_DEFAULT);
@@ -195,6 +198,14 @@ class DdsWriter final : public Writer {
     dds::PublicationMatchedStatus status;
     writer_->get_publication_matched_status(status);
     return status.current_count;
+  }
+
+  bool await_readers(std::chrono::milliseconds patience) override {
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(patience);
+    const auto rest = std::chrono::nanoseconds(patience - seconds);
+    return writer_->wait_for_acknowledgments({static_cast<std::int32_t>(seconds.count()),
+                                              static_cast<std::uint32_t>(rest.count())}) ==
+           ReturnCode_t::RETCODE_OK;
   }
 
  private:
@@ -226,7 +237,7 @@ class DdsReader final : public Reader {
 }  // namespace
 
 Participant::Participant(const GraphDescription& graph, const std::string& name,
-                         const Identity& identity)
+                         const Identity& identity, dds::DomainParticipantListener* listener)
     : impl_(std::make_unique<Impl>()) {
   require_keys(graph, identity);
   static std::once_flag quiet;
@@ -234,13 +245,12 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
   auto* factory = dds::DomainParticipantFactory::get_instance();
   dds::DomainParticipantQos qos = participant_qos(graph, name);
   if (!graph.dds.security.empty()) set_security(key_files(graph, identity), qos);
-  impl_->participant =
-      factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain), qos);
+  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
+                                                   qos, listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;
-  const std::string partition =
-      graph.instance.empty() ? graph.graph : graph.graph + "." + graph.instance;
+  const std::string partition = partition_of(graph);
   publisher.partition().push_back(partition.c_str());
   dds::SubscriberQos subscriber;
   subscriber.partition().push_back(partition.c_str());

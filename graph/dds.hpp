@@ -5,6 +5,7 @@
 // was chosen by measurement; ARCHITECTURE.md tells why.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -17,11 +18,16 @@
 #include "graph/topics.hpp"
 #include "idl/codec.hpp"
 
+namespace eprosima::fastdds::dds {
+class DomainParticipantListener;
+}
+
 namespace cosegraph::graph {
 
 struct EndpointQos {
   int depth = 1;              // samples kept for late or slow readers
   bool keep_for_late = true;  // a reader that comes later gets the newest `depth` samples
+  bool reliable = true;       // what is lost on the way is sent again
 };
 
 class Writer {
@@ -31,6 +37,8 @@ class Writer {
   virtual void write(const idl::Bytes& bytes) = 0;
   // How many readers it has found.
   virtual int matched() const = 0;
+  // Waits until they have all that was written; false if that takes longer than `patience`.
+  virtual bool await_readers(std::chrono::milliseconds patience) = 0;
 };
 
 class Reader {
@@ -43,12 +51,15 @@ class Reader {
 // Within one process messages are handed over directly, else they go by UDP.
 class Participant {
  public:
-  // `identity`: whose keys it has, if the graph has security. Throws GraphError if those cannot be
-  // used, Error naming the domain if DDS cannot be started.
+  // `identity`: whose keys it has, if the graph has security. `listener`, who is told of other
+  // participants (see discovery.hpp), must outlive the participant. Throws GraphError if the keys
+  // cannot be used, Error naming the domain if DDS cannot be started.
   Participant(const GraphDescription& graph, const std::string& name,
-              const Identity& identity = Identity::observer());
+              const Identity& identity = Identity::observer(),
+              eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr);
   ~Participant();
 
+  // `type` is the name of one of our types ("Cloud"), or that of any other on the wire ("a::b::C").
   std::unique_ptr<Writer> writer(const std::string& topic, std::string_view type,
                                  const EndpointQos& qos);
   // `receive` is called from DDS threads (or from the writer's own, within a process), one sample

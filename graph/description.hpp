@@ -8,6 +8,7 @@
 #include <compare>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -147,6 +148,9 @@ constexpr std::string_view kNamePattern = "[a-z][a-z0-9_-]*";
 // is left at its default.
 GraphDescription parse(std::string_view yaml, const std::string& file, std::vector<Fault>& faults);
 
+// The same. Throws GraphError with every fault.
+GraphDescription parse(std::string_view yaml, const std::string& file);
+
 // Everything that needs to know the kinds of stages, in the order of the file: wiring, parameters,
 // hosts, executables. A stage of unknown kind is one fault; nothing is said about its ports then.
 // Executables are looked for only where they would run on this machine: stages without a host, or
@@ -181,6 +185,9 @@ const StageNode& source_of(const GraphDescription& graph, const Catalog& catalog
 // have said so. In the file's order.
 std::vector<std::string> leaves_of(const GraphDescription& graph, const Catalog& catalog);
 
+// `stage` and all stages that it depends on, along edges of any kind, by name.
+std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage);
+
 // Names of all stages downstream of `stage` along frame edges, in the file's order.
 std::vector<std::string> downstream_of(const GraphDescription& graph, std::string_view stage,
                                        const Catalog& catalog);
@@ -189,9 +196,25 @@ std::vector<std::string> downstream_of(const GraphDescription& graph, std::strin
 std::string topic_name(const GraphDescription& graph, std::string_view stage,
                        std::string_view port);
 
+// What a drawing shows of a running graph.
+struct LiveStage {
+  enum class Mood { idle, busy, wrong };
+  Mood mood = Mood::idle;
+  std::string state;  // "working"
+  std::vector<std::string> figures;
+};
+struct Overlay {
+  std::string title;                          // behind the graph's name
+  std::map<std::string, LiveStage> stages;    // a stage that is missing here is drawn as absent
+  std::map<std::string, std::string> topics;  // text under the message type, by topic_name()
+};
+
 // Graphviz source: stages as boxes with kind, host and the parameters that differ from their
-// defaults, edges with message types, latched edges dashed, the legend below.
-std::string to_dot(const GraphDescription& graph, const Catalog& catalog);
+// defaults, edges with message types, latched edges dashed, the legend below. With an overlay
+// states and figures stand in the boxes in place of the parameters, and the boxes' frames tell who
+// is at work and what is wrong.
+std::string to_dot(const GraphDescription& graph, const Catalog& catalog,
+                   const Overlay* overlay = nullptr);
 
 // JSON schema (draft 2020-12) of graph files for editors.
 std::string json_schema(const Catalog& catalog);

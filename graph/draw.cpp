@@ -12,6 +12,11 @@ namespace {
 constexpr const char* kFrames = "#33475b";   // edges that carry one message per frame
 constexpr const char* kLatched = "#9a5b00";  // edges that keep the newest message
 
+// Frames of the boxes of a running graph.
+constexpr const char* kIdle = "#9aa5b1";
+constexpr const char* kBusy = "#1d8a2f";
+constexpr const char* kWrong = "#c62020";
+
 // Role of a stage in the graph, which its colour shows.
 enum class Role { source, work, leaf, provider };
 
@@ -68,6 +73,14 @@ std::string dot_string(std::string_view text) {
   return result + "\"";
 }
 
+// The second line may be empty.
+std::string two_lines(std::string_view first, std::string_view second) {
+  std::string text = dot_string(first);
+  if (second.empty()) return text;
+  text.pop_back();
+  return text + "\\n" + dot_string(second).substr(1);
+}
+
 std::string font(const std::string& attributes, const std::string& content) {
   return "<FONT " + attributes + ">" + content + "</FONT>";
 }
@@ -92,17 +105,40 @@ std::vector<std::string> changed_parameters(const StageNode& stage, const StageI
   return result;
 }
 
-std::string stage_label(const StageNode& stage, const StageInfo& info) {
+std::string stage_label(const StageNode& stage, const StageInfo& info,
+                        const std::vector<std::string>& lines) {
   std::string kind = (stage.exec.empty() ? "" : "exec ") + info.kind;
   if (kind == stage.name) kind.clear();
   std::string second = html(kind);
   if (!stage.host.empty()) second += (kind.empty() ? "" : " ") + html("on " + stage.host);
   std::string rows = row("CENTER", font("POINT-SIZE=\"13\"", "<B>" + html(stage.name) + "</B>"));
   if (!second.empty()) rows += row("CENTER", font("POINT-SIZE=\"10\" COLOR=\"#555555\"", second));
-  for (const auto& text : changed_parameters(stage, info))
-    rows += row("LEFT", font("POINT-SIZE=\"10\"", html(text)));
+  for (const auto& text : lines) rows += row("LEFT", font("POINT-SIZE=\"10\"", html(text)));
   return "<<TABLE BORDER=\"0\" CELLBORDER=\"0\" CELLSPACING=\"1\" CELLPADDING=\"1\">" + rows +
          "</TABLE>>";
+}
+
+const char* color_of(LiveStage::Mood mood) {
+  switch (mood) {
+    case LiveStage::Mood::busy:
+      return kBusy;
+    case LiveStage::Mood::wrong:
+      return kWrong;
+    case LiveStage::Mood::idle:
+      break;
+  }
+  return kIdle;
+}
+
+// A stage of a running graph; null: nobody has heard of it.
+std::string live_node(const StageNode& stage, const StageInfo& info, Role role,
+                      const LiveStage* live) {
+  std::vector<std::string> lines{live == nullptr ? "not heard" : live->state};
+  if (live != nullptr) lines.insert(lines.end(), live->figures.begin(), live->figures.end());
+  return "  " + dot_string(stage.name) + " [label=" + stage_label(stage, info, lines) +
+         ", fillcolor=\"" + look_of(role).fill + "\", color=\"" +
+         (live == nullptr ? kWrong : color_of(live->mood)) + "\", penwidth=2.4" +
+         (live == nullptr ? ", style=\"rounded,filled,dashed\"" : "") + "];\n";
 }
 
 Role role_of(const StageNode& stage, const StageInfo& info, const std::set<std::string>& leaves) {
@@ -113,7 +149,8 @@ Role role_of(const StageNode& stage, const StageInfo& info, const std::set<std::
 
 std::string node(const StageNode& stage, const StageInfo& info, Role role) {
   const Look look = look_of(role);
-  return "  " + dot_string(stage.name) + " [label=" + stage_label(stage, info) + ", fillcolor=\"" +
+  return "  " + dot_string(stage.name) +
+         " [label=" + stage_label(stage, info, changed_parameters(stage, info)) + ", fillcolor=\"" +
          look.fill + "\", color=\"" + look.border + "\"];\n";
 }
 
@@ -127,11 +164,17 @@ std::string edge_label(const Connection& input, const PortInfo& port, const Stag
 }
 
 std::string edge(const StageNode& stage, const Connection& input, const PortInfo& port,
-                 const StageInfo& from) {
+                 const StageInfo& from, const std::string& live) {
   const std::string color = port.latched ? kLatched : kFrames;
   return "  " + dot_string(input.from_stage) + " -> " + dot_string(stage.name) +
-         " [label=" + dot_string(edge_label(input, port, from)) + ", color=\"" + color +
+         " [label=" + two_lines(edge_label(input, port, from), live) + ", color=\"" + color +
          "\", fontcolor=\"" + color + "\"" + (port.latched ? ", style=dashed" : "") + "];\n";
+}
+
+template <class Value>
+const Value* value_of(const std::map<std::string, Value>& map, const std::string& key) {
+  const auto found = map.find(key);
+  return found == map.end() ? nullptr : &found->second;
 }
 
 std::string legend(const std::string& title, const std::set<Role>& roles, bool any_latched) {
@@ -153,7 +196,7 @@ std::string legend(const std::string& title, const std::set<Role>& roles, bool a
 
 }  // namespace
 
-std::string to_dot(const GraphDescription& graph, const Catalog& catalog) {
+std::string to_dot(const GraphDescription& graph, const Catalog& catalog, const Overlay* overlay) {
   const auto infos = infos_of(graph, catalog);
   const auto leaf_names = leaves_of(graph, catalog);
   const std::set<std::string> leaves(leaf_names.begin(), leaf_names.end());
@@ -165,19 +208,27 @@ std::string to_dot(const GraphDescription& graph, const Catalog& catalog) {
     const StageNode& stage = graph.stages[i];
     const Role role = role_of(stage, infos[i], leaves);
     roles.insert(role);
-    nodes += node(stage, infos[i], role);
+    const LiveStage* live = overlay == nullptr ? nullptr : value_of(overlay->stages, stage.name);
+    nodes +=
+        overlay == nullptr ? node(stage, infos[i], role) : live_node(stage, infos[i], role, live);
     for (const auto& input : stage.inputs) {
       const PortInfo* port = infos[i].input(input.port);
       if (port == nullptr) throw Error("stage '" + stage.name + "' has no input " + input.port);
       const auto from = std::ranges::find(graph.stages, input.from_stage, &StageNode::name);
-      edges += edge(stage, input, *port, infos[from - graph.stages.begin()]);
+      const std::string* text =
+          overlay == nullptr
+              ? nullptr
+              : value_of(overlay->topics, topic_name(graph, input.from_stage, input.from_port));
+      edges += edge(stage, input, *port, infos[from - graph.stages.begin()],
+                    text == nullptr ? "" : *text);
       any_latched = any_latched || port->latched;
     }
   }
   return "digraph " + dot_string(graph.graph) + " {\n" +
          "  graph [rankdir=TB, fontname=\"Helvetica,Arial,sans-serif\", fontsize=10, labelloc=b,"
          " nodesep=0.45, ranksep=0.5, bgcolor=white,\n    label=" +
-         legend(graph.graph, roles, any_latched) + "];\n" +
+         legend(graph.graph + (overlay == nullptr ? "" : overlay->title), roles, any_latched) +
+         "];\n" +
          "  node [shape=box, style=\"rounded,filled\", margin=\"0.12,0.06\", penwidth=1.2,"
          " fontname=\"Helvetica,Arial,sans-serif\"];\n" +
          "  edge [fontsize=9, arrowsize=0.7, fontname=\"Helvetica,Arial,sans-serif\"];\n" + nodes +

@@ -4,7 +4,15 @@
 
 namespace cosegraph::graph {
 
-Observer::Observer(const GraphDescription& graph) : participant_(graph, graph.graph + "/observer") {
+namespace {
+
+// After so much silence a lower generation is believed: whoever was there is gone.
+constexpr auto kForgotten = std::chrono::seconds(2);
+
+}  // namespace
+
+Observer::Observer(const GraphDescription& graph)
+    : graph_(graph), participant_(graph, graph.graph + "/observer") {
   const auto read = [&](const char* what, const char* type, int depth, auto take) {
     readers_.push_back(participant_.reader(
         control_topic(graph, what), type, {.depth = depth}, [this, take](const Sample& sample) {
@@ -21,10 +29,19 @@ Observer::Observer(const GraphDescription& graph) : participant_(graph, graph.gr
   };
   read("stage_status", "StageStatus", 1,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
-         Observed& seen = stages_[header.stage];
-         if (header.generation < seen.header.generation) return;
-         seen = {header, idl::decode<idl::StageStatus>(bytes)};
+         const StageNode* node = graph_.stage(header.stage);
+         auto status = idl::decode<idl::StageStatus>(bytes);
+         if (node == nullptr || status.candidate) return;
+         const auto now = std::chrono::steady_clock::now();
+         Observed& seen = stages_[process_name(*node, status.replica)];
+         if (header.generation < seen.header.generation && now - seen.heard < kForgotten) return;
+         seen = {header, std::move(status), now};
        });
+  read("agent_status", "AgentStatus", 1, [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
+    auto status = idl::decode<idl::AgentStatus>(bytes);
+    const std::string host = status.host;
+    agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
+  });
   read("frame_failure", "FrameFailure", 2 * graph.window + 2,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          failures_.push_back({.stage = header.stage,
@@ -37,6 +54,11 @@ Observer::Observer(const GraphDescription& graph) : participant_(graph, graph.gr
 std::map<std::string, Observed> Observer::stages() const {
   const std::scoped_lock lock(mutex_);
   return stages_;
+}
+
+std::map<std::string, ObservedAgent> Observer::agents() const {
+  const std::scoped_lock lock(mutex_);
+  return agents_;
 }
 
 std::vector<ObservedFailure> Observer::failures() const {

@@ -18,6 +18,12 @@ namespace cosegraph::graph {
 struct Observed {
   idl::FrameHeader header;  // of the newest status
   idl::StageStatus status;
+  std::chrono::steady_clock::time_point heard;
+};
+
+struct ObservedAgent {
+  idl::AgentStatus status;
+  std::chrono::steady_clock::time_point heard;
 };
 
 struct ObservedFailure {
@@ -31,7 +37,9 @@ class Observer {
  public:
   explicit Observer(const GraphDescription& graph);
 
+  // The processes in their places, by process_name(); candidates for a swap are left out.
   std::map<std::string, Observed> stages() const;
+  std::map<std::string, ObservedAgent> agents() const;  // by host
   std::vector<ObservedFailure> failures() const;
   // Waits for news, at most `patience`.
   void wait(std::chrono::milliseconds patience);
@@ -40,7 +48,9 @@ class Observer {
   mutable std::mutex mutex_;
   std::condition_variable news_;
   bool fresh_ = false;
+  GraphDescription graph_;
   std::map<std::string, Observed> stages_;
+  std::map<std::string, ObservedAgent> agents_;
   std::vector<ObservedFailure> failures_;
   Participant participant_;
   std::vector<std::unique_ptr<Reader>> readers_;

@@ -343,4 +343,11 @@ GraphDescription parse(std::string_view yaml, const std::string& file, std::vect
   return Reader(file, faults).read(yaml);
 }
 
+GraphDescription parse(std::string_view yaml, const std::string& file) {
+  std::vector<Fault> faults;
+  GraphDescription graph = parse(yaml, file, faults);
+  if (!faults.empty()) throw GraphError(std::move(faults));
+  return graph;
+}
+
 }  // namespace cosegraph::graph

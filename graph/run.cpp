@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "graph/control.hpp"
 #include "graph/runs.hpp"
 #include "graph/runtime.hpp"
 #include "graph/watch.hpp"
@@ -38,8 +39,11 @@ bool Watch::settled() const {
 
 Watch::Watch(const GraphDescription& graph, const Catalog& catalog, const RunOptions& options)
     : observer_(graph), options_(options), source_(source_of(graph, catalog).name) {
-  for (const auto& stage : graph.stages)
-    if (info_of(stage, catalog).has_frame_inputs()) streaming_.push_back(stage.name);
+  const auto infos = infos_of(graph, catalog);
+  for (std::size_t i = 0; i < infos.size(); ++i)
+    if (infos[i].has_frame_inputs())
+      for (std::uint32_t r = 0; r < hosts_of(graph.stages[i]).size(); ++r)
+        streaming_.push_back(process_name(graph.stages[i], r));
 }
 
 bool Watch::step(std::chrono::milliseconds patience) {
@@ -83,19 +87,40 @@ RunReport run_in_process(const GraphDescription& description, const StageTable& 
   for (const auto& node : graph.stages) {
     if (!node.exec.empty())
       throw Error("stage " + node.name + " is a program of its own: use 'cosegraph up'");
-    auto stage = table.at(node.use)();
-    apply_params(graph, node, *stage);
-    try {
-      runners.push_back(std::make_unique<StageRunner>(graph, node.name, std::move(stage),
-                                                      RunnerOptions{.leaves = leaves}));
-    } catch (const Error& error) {
-      throw Error(node.name + ": " + error.what());
+    for (std::uint32_t replica = 0; replica < hosts_of(node).size(); ++replica) {
+      auto stage = table.at(node.use)();
+      apply_params(graph, node, *stage);
+      try {
+        runners.push_back(
+            std::make_unique<StageRunner>(graph, node.name, std::move(stage),
+                                          RunnerOptions{.leaves = leaves, .replica = replica}));
+      } catch (const Error& error) {
+        throw Error(process_name(node, replica) + ": " + error.what());
+      }
     }
   }
   while (watch.step(50ms)) {
   }
   RunReport report = watch.report();
   for (const auto& runner : runners) runner->request_stop();
+  return report;
+}
+
+RunReport run_processes(const GraphDescription& description, const Catalog& catalog,
+                        const RunOptions& options, const AgentOptions& agent_options) {
+  // Hosts find each other by the graph's name.
+  const GraphDescription graph =
+      agent_options.host.empty() ? fresh_instance(description) : description;
+  Agent agent(graph, catalog, agent_options);
+  Watch watch(graph, catalog, options);
+  std::string error;
+  while (error.empty() && !agent.is_down() && watch.step(0ms)) {
+    agent.step(20ms);
+    error = agent.failure();
+  }
+  if (agent.is_down()) error = "it was taken down";
+  RunReport report = watch.report();
+  if (!error.empty()) report.error = error;
   return report;
 }
 

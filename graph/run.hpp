@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "graph/agent.hpp"
 #include "graph/description.hpp"
 #include "graph/observer.hpp"
 #include "graph/stage.hpp"
@@ -36,15 +37,11 @@ struct RunReport {
 RunReport run_in_process(const GraphDescription& graph, const StageTable& table,
                          const RunOptions& options);
 
-struct LaunchOptions {
-  std::filesystem::path executables;  // folder of the cosegraph-<kind> programs
-  std::function<void(const std::string& stage, const std::string& line)> on_output;
-};
-
-// Starts `cosegraph-<kind>` (or the stage's `exec`) for every stage, restarts those whose policy
-// says so, and stops all in the end. No process outlives the caller's main thread, which must be
-// the one that calls, and nothing is left in /dev/shm. Throws Error if a program cannot be started.
+// Runs `cosegraph-<kind>` (or the stage's `exec`) for every stage of the agent's host, restarts
+// those whose policy says so, and stops all in the end. No process outlives the caller's main
+// thread, which must be the one that calls, and nothing is left in /dev/shm. The whole graph is
+// followed, wherever its stages run. Throws Error if a program cannot be started.
 RunReport run_processes(const GraphDescription& graph, const Catalog& catalog,
-                        const RunOptions& options, const LaunchOptions& launch);
+                        const RunOptions& options, const AgentOptions& agent);
 
 }  // namespace cosegraph::graph

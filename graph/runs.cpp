@@ -46,6 +46,24 @@ fs::path folder_of(std::string_view graph, std::string_view instance, std::strin
          (host.empty() ? kWhole : host);
 }
 
+// While one lives nobody else makes or removes folders of runs.
+class FolderLock {
+ public:
+  FolderLock()
+      : file_(::open((runtime_folder() / "lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600)) {
+    if (file_ < 0)
+      throw InputError((runtime_folder() / "lock").string() + ": " + std::strerror(errno));
+    while (::flock(file_, LOCK_EX) != 0 && errno == EINTR) {
+    }
+  }
+  ~FolderLock() { ::close(file_); }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int file_;
+};
+
 // Whether somebody holds the lock of a run's folder.
 bool is_kept(const fs::path& folder) {
   const int fd = ::open((folder / "keeper").c_str(), O_RDONLY | O_CLOEXEC);
@@ -84,13 +102,6 @@ std::string names_of(const std::vector<Run>& runs) {
   return text;
 }
 
-GraphDescription parse_file(const fs::path& file) {
-  std::vector<Fault> faults;
-  GraphDescription graph = parse(io::read_file(file), file.string(), faults);
-  if (!faults.empty()) throw GraphError(std::move(faults));
-  return graph;
-}
-
 }  // namespace
 
 fs::path runtime_folder() {
@@ -104,7 +115,8 @@ std::vector<Run> live_runs() {
   for (const auto& graph : folders_in(runtime_folder()))
     for (const auto& instance : folders_in(graph))
       for (const auto& host : folders_in(instance)) {
-        if (!is_kept(host)) continue;
+        // A keeper that has only begun has not written its graph yet.
+        if (!is_kept(host) || !fs::exists(host / "graph.yaml")) continue;
         Run run{.graph = graph.filename(), .folder = host};
         if (instance.filename() != kAgents) run.instance = instance.filename();
         if (host.filename() != kWhole) run.host = host.filename();
@@ -121,64 +133,68 @@ GraphDescription find_run(const RunQuery& query) {
   std::error_code error;
   const bool is_file = fs::is_regular_file(query.graph, error);
   GraphDescription described;
-  if (is_file) described = parse_file(query.graph);
+  if (is_file) described = parse(io::read_file(query.graph), query.graph);
   const std::string name = is_file ? described.graph : query.graph;
 
   const std::vector<Run> all = live_runs();
   std::vector<Run> matching;
   for (const auto& run : all) {
-    const bool wanted =
-        run.graph == name && (query.instance.empty() || run.instance.starts_with(query.instance));
-    const bool known = std::ranges::any_of(
-        matching, [&](const Run& other) { return other.instance == run.instance; });
+    const bool wanted = (name.empty() || run.graph == name) &&
+                        (query.instance.empty() || run.instance.starts_with(query.instance));
+    const bool known = std::ranges::any_of(matching, [&](const Run& other) {
+      return other.graph == run.graph && other.instance == run.instance;
+    });
     if (wanted && !known) matching.push_back(run);
   }
   if (matching.size() > 1)
-    throw InputError("several runs of '" + name + "': " + names_of(matching) +
-                     "; choose one with --instance");
+    throw InputError(
+        (name.empty() ? "several graphs run here: " : "several runs of '" + name + "': ") +
+        names_of(matching) + "; choose one with --graph or --instance");
   if (matching.size() == 1) {
-    GraphDescription graph = parse_file(matching[0].folder / "graph.yaml");
+    const fs::path file = matching[0].folder / "graph.yaml";
+    GraphDescription graph = parse(io::read_file(file), file.string());
     graph.instance = matching[0].instance;
     return graph;
   }
   if (is_file && query.instance.empty()) return described;
+  if (name.empty()) throw InputError("no graph runs on this machine; name one with --graph FILE");
   throw InputError("no run of '" + name + "' is known on this machine" +
                    (all.empty() ? "" : "; there are: " + names_of(all)));
 }
 
 RunFolder::RunFolder(const GraphDescription& graph, std::string_view host)
     : path_(folder_of(graph.graph, graph.instance, host)) {
+  const FolderLock alone;
   remove_abandoned(runtime_folder() / graph.graph);
+  make_private(path_);
   const fs::path keeper = path_ / "keeper";
-  while (lock_ < 0) {
-    make_private(path_);
-    lock_ = ::open(keeper.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
-    if (lock_ < 0) throw InputError(keeper.string() + ": " + std::strerror(errno));
-    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
-      ::close(lock_);
-      throw Error("graph '" + graph.graph + "'" +
-                  (host.empty() ? "" : ", host '" + std::string(host) + "'") +
-                  ": is run already by another process, see 'cosegraph ps'");
-    }
-    // Somebody may have taken the folder for an abandoned one before it was locked.
-    if (fs::exists(keeper)) break;
+  lock_ = ::open(keeper.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (lock_ < 0) throw InputError(keeper.string() + ": " + std::strerror(errno));
+  if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock_);
-    lock_ = -1;
+    throw Error("graph '" + graph.graph + "'" +
+                (host.empty() ? "" : ", host '" + std::string(host) + "'") +
+                ": is run already by another process, see 'cosegraph ps'");
   }
   const std::string pid = std::to_string(::getpid()) + "\n";
   if (::ftruncate(lock_, 0) != 0 ||
       ::pwrite(lock_, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size()))
     throw InputError(keeper.string() + ": " + std::strerror(errno));
-  publish(graph);
+  if (!fs::exists(path_ / "graph.yaml")) publish(graph);
   discard_ = !graph.instance.empty();
 }
 
 RunFolder::~RunFolder() {
   if (discard_) {
-    std::error_code error;
-    fs::remove_all(path_, error);
-    fs::remove(path_.parent_path(), error);  // if it is empty
-    fs::remove(path_.parent_path().parent_path(), error);
+    try {
+      const FolderLock alone;
+      std::error_code error;
+      fs::remove_all(path_, error);
+      fs::remove(path_.parent_path(), error);  // if it is empty
+      fs::remove(path_.parent_path().parent_path(), error);
+    } catch (const Error&) {
+      // The next run cleans up.
+    }
   }
   ::close(lock_);
 }

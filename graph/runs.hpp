@@ -31,7 +31,7 @@ std::vector<Run> live_runs();
 
 // A graph that runs, as commands name it.
 struct RunQuery {
-  std::string graph;     // graph file, or the name of a graph
+  std::string graph;     // graph file, or the name of a graph; empty: the only one that runs here
   std::string instance;  // tells runs of one graph apart; empty: the only one
 };
 
@@ -43,7 +43,8 @@ GraphDescription find_run(const RunQuery& query);
 // who may be followed by another; that of an instance is removed with this object.
 class RunFolder {
  public:
-  // Throws InputError if the folder cannot be made, Error if another keeper lives.
+  // What a predecessor has left in the folder stays. Throws InputError if the folder cannot be
+  // made, Error if another keeper lives.
   RunFolder(const GraphDescription& graph, std::string_view host);
   ~RunFolder();
   RunFolder(const RunFolder&) = delete;

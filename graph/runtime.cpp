@@ -32,22 +32,9 @@ constexpr auto kTick = 50ms;            // of the timer
 constexpr auto kStatusPeriod = 250ms;
 constexpr auto kResumePatience = 2s;  // for the source's word on which frames are over
 constexpr auto kAbandonAfter = 2s;    // leaves' time to report an overdue frame
+constexpr auto kHoldPatience = 15s;   // drained, and nobody has taken the place
 constexpr std::uint32_t kDeathsOfAFrame = 2;
 constexpr int kCommandDepth = 16;
-
-// Everything that `stage` depends on, itself included.
-std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage) {
-  std::set<std::string> result;
-  std::vector<std::string> todo{stage};
-  while (!todo.empty()) {
-    const std::string name = todo.back();
-    todo.pop_back();
-    if (!result.insert(name).second) continue;
-    if (const StageNode* node = graph.stage(name))
-      for (const auto& input : node->inputs) todo.push_back(input.from_stage);
-  }
-  return result;
-}
 
 // How many processes read an output.
 int consumers_of(const GraphDescription& graph, const std::string& stage, const std::string& port) {
@@ -108,7 +95,7 @@ class StageRunner::Impl final : public StageHost {
     status_.pid = static_cast<std::uint32_t>(::getpid());
     status_.replica = options.replica;
     status_.candidate = options.standby;
-    open_journal();
+    if (!standby_) open_journal();
     open_writers();
     stage_->start();
     status_.recipe = stage_->recipe();
@@ -286,9 +273,13 @@ class StageRunner::Impl final : public StageHost {
   // Other stages' statuses: which frames are over, who is at work, which replicas are given up.
   void hear(const FrameHeader& header, const idl::Bytes& bytes) {
     const bool from_source = header.stage == header.source;
-    const bool from_replica = header.stage == node_.name && !node_.replicas.empty();
-    if (source_ == nullptr && !from_source && !from_replica) return;
+    const bool from_own = header.stage == node_.name;
+    const bool from_replica = from_own && !node_.replicas.empty();
+    if (source_ == nullptr && !from_source && !from_own) return;
     const auto status = idl::decode<idl::StageStatus>(bytes);
+    if (from_own && header.generation > options_.generation && !status.candidate &&
+        status.replica == options_.replica && status.pid != 0)
+      replaced_ = true;
     if (source_ != nullptr)
       at_work_[{header.stage, status.replica}] = {header.sequence, status.state == State::working};
     else if (from_source && !status.candidate)
@@ -365,17 +356,21 @@ class StageRunner::Impl final : public StageHost {
       if (source_ == nullptr) join_.activate(handover_.next);
       status_.candidate = false;
       held.swap(held_);
+      open_journal();  // which was its predecessor's until now
     }
     for (const auto& [port, bytes] : held) write(port, bytes);
     return true;
   }
 
-  // Holds until it is released or stopped.
+  // Holds until it is released or stopped; if whoever ordered that is gone and nobody has taken its
+  // place, it goes on.
   void hold() {
     set_state(State::drained, "");
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return stop_ || !draining_; });
+      const auto over = [this] { return stop_ || !draining_; };
+      while (!changed_.wait_for(lock, kHoldPatience, over))
+        if (!replaced_) draining_ = false;
       if (stop_) return;
     }
     set_state(State::waiting, "");
@@ -386,16 +381,15 @@ class StageRunner::Impl final : public StageHost {
   void open_journal() {
     if (options_.journal.empty()) return;
     journal_ = std::make_unique<Journal>(options_.journal);
-    const auto left =
-        options_.generation > 0 && !options_.standby ? journal_->load() : std::nullopt;
-    if (left) {
+    const bool follows_the_dead = options_.generation > 0 && !options_.standby;
+    if (const auto left = journal_->load(); follows_the_dead && left) {
       predecessor_ = *left;
       if (left->working) predecessor_.deaths = left->deaths + 1;
       record_.taken = left->taken;
       record_.account = left->account;
     }
     record_.generation = options_.generation;
-    if (!options_.standby) journal_->store(record_);
+    journal_->store(record_);
   }
 
   bool is_fatal(const FrameHeader& header) const {
@@ -825,7 +819,8 @@ class StageRunner::Impl final : public StageHost {
   bool stop_ = false;
   bool standby_;
   bool draining_ = false;
-  Handover handover_;  // what a candidate was told when it took its place
+  bool replaced_ = false;  // a process of a later generation is in its place
+  Handover handover_;      // what a candidate was told when it took its place
   std::vector<std::pair<std::string, idl::Bytes>> held_;  // latched values of a candidate
   Join join_;
   Ledger ledger_;

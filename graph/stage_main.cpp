@@ -10,16 +10,6 @@
 #include "io/file.hpp"
 
 namespace cosegraph::graph {
-namespace {
-
-GraphDescription read_graph(const std::string& file) {
-  std::vector<Fault> faults;
-  GraphDescription graph = parse(io::read_file(file), file, faults);
-  if (!faults.empty()) throw GraphError(std::move(faults));
-  return graph;
-}
-
-}  // namespace
 
 int stage_main(int argc, char** argv, const std::string& kind, const StageFactory& make) {
   CLI::App app("One stage of a cosegraph graph: " + make()->summary());
@@ -38,6 +28,11 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
   app.add_option("--instance", instance,
                  "name of this run; stages of different runs of a graph do not meet");
   app.add_option("--generation", options.generation, "how often this stage was started before");
+  app.add_option("--replica", options.replica, "which of the stage's replicas this is, from 0");
+  app.add_option("--journal", options.journal,
+                 "file that tells the next process of this stage where this one was");
+  app.add_flag("--standby", options.standby,
+               "wait beside the process that is to be replaced until told to take its place");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -51,12 +46,15 @@ int stage_main(int argc, char** argv, const std::string& kind, const StageFactor
   sigaddset(&signals, SIGINT);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   try {
-    GraphDescription graph = read_graph(file);
+    GraphDescription graph = parse(io::read_file(file), file);
     graph.instance = instance;
     const StageNode* node = graph.stage(name);
     if (node == nullptr) throw ParameterError(file + ": there is no stage '" + name + "'");
     if (!node->use.empty() && node->use != kind)
       throw ParameterError(file + ": stage '" + name + "' is a " + node->use + ", not a " + kind);
+    if (options.replica >= hosts_of(*node).size())
+      throw ParameterError("--replica: stage '" + name + "' has " +
+                           std::to_string(hosts_of(*node).size()) + " of them");
     auto stage = make();
     apply_params(graph, *node, *stage);
     StageRunner runner(graph, name, std::move(stage), options);

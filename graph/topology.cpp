@@ -85,6 +85,19 @@ std::vector<std::string> leaves_of(const GraphDescription& graph, const Catalog&
   return result;
 }
 
+std::set<std::string> upstream_of(const GraphDescription& graph, const std::string& stage) {
+  std::set<std::string> result;
+  std::vector<std::string> todo{stage};
+  while (!todo.empty()) {
+    const std::string name = todo.back();
+    todo.pop_back();
+    if (!result.insert(name).second) continue;
+    if (const StageNode* node = graph.stage(name))
+      for (const auto& input : node->inputs) todo.push_back(input.from_stage);
+  }
+  return result;
+}
+
 std::vector<std::string> downstream_of(const GraphDescription& graph, std::string_view stage,
                                        const Catalog& catalog) {
   const auto infos = infos_of(graph, catalog);

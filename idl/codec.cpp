@@ -681,7 +681,7 @@ Reply take(msg::Reply& message) {
 template <>
 struct MessageOf<AgentStatus> {
   using Type = msg::AgentStatus;
-  static constexpr std::string_view kLayout = "ss4[s444s4s]";
+  static constexpr std::string_view kLayout = "ss4[s4441s4s]";
 };
 
 void fill(msg::AgentStatus& message, const AgentStatus& value) {
@@ -694,6 +694,7 @@ void fill(msg::AgentStatus& message, const AgentStatus& value) {
     out.replica(process.replica);
     out.generation(process.generation);
     out.pid(process.pid);
+    out.candidate(process.candidate);
     out.state(std::string(to_name(process.state)));
     out.restarts(process.restarts);
     out.text(process.text);
@@ -709,6 +710,7 @@ AgentStatus take(msg::AgentStatus& message) {
                                .replica = process.replica(),
                                .generation = process.generation(),
                                .pid = process.pid(),
+                               .candidate = process.candidate(),
                                .state = from_name<ProcessState>(process.state()),
                                .restarts = process.restarts(),
                                .text = std::move(process.text())});
@@ -799,6 +801,16 @@ Value decode(std::span<const std::uint8_t> bytes) {
 
 FrameHeader decode_header(std::span<const std::uint8_t> bytes) {
   return to_header(deserialise<msg::FrameHeader>(bytes, "FrameHeader", ""));
+}
+
+void set_epoch(std::span<std::uint8_t> bytes, std::uint64_t epoch) {
+  FrameHeader header = decode_header(bytes);
+  header.epoch = epoch;
+  eprosima::fastcdr::FastBuffer buffer(reinterpret_cast<char*>(bytes.data()), bytes.size());
+  eprosima::fastcdr::Cdr cdr(buffer, eprosima::fastcdr::Cdr::DEFAULT_ENDIAN,
+                             eprosima::fastcdr::Cdr::DDS_CDR);
+  cdr.read_encapsulation();  // and takes on its byte order
+  to_message(header).serialize(cdr);
 }
 
 #define COSEGRAPH_TRAVELS(Value)                           \

@@ -131,6 +131,7 @@ struct AgentProcess {
   std::uint32_t replica = 0;
   std::uint32_t generation = 0;
   std::uint32_t pid = 0;
+  bool candidate = false;
   ProcessState state = ProcessState::stopped;
   std::uint32_t restarts = 0;
   std::string text;
@@ -169,6 +170,10 @@ Value decode(std::span<const std::uint8_t> bytes);
 
 // The header that every message begins with.
 FrameHeader decode_header(std::span<const std::uint8_t> bytes);
+
+// Writes another epoch into a message, where the old one stands. Throws InputError as
+// decode_header.
+void set_epoch(std::span<std::uint8_t> bytes, std::uint64_t epoch);
 
 }  // namespace cosegraph::idl
 

@@ -86,6 +86,37 @@ TEST(ToDot, ShortensLongValuesAndEscapesOddOnes) {
   EXPECT_THAT(dot, HasSubstr("path = ...olders/in/folders/to/the/file.bin"));
 }
 
+TEST(ToDot, ShowsARunningGraphInstead) {
+  Overlay overlay{.title = ", 3 frames in flight"};
+  overlay.stages["camera"] = {
+      .mood = LiveStage::Mood::busy, .state = "working", .figures = {"12 frames <2 failed>"}};
+  overlay.stages["features"] = {.mood = LiveStage::Mood::wrong, .state = "failed"};
+  const GraphDescription graph = parsed(kSegmentGraph);
+  overlay.topics[topic_name(graph, "camera", "dense")] = "8.5 Hz, 120 messages";
+  const std::string dot = to_dot(graph, fake_catalog(), &overlay);
+  const std::string camera = statement(dot, "\"camera\" [");
+  EXPECT_THAT(camera, HasSubstr("working"));
+  EXPECT_THAT(camera, HasSubstr("12 frames &lt;2 failed&gt;"));
+  EXPECT_THAT(camera, Not(HasSubstr("loop = true"))) << "parameters";
+  EXPECT_THAT(statement(dot, "\"features\" ["), Not(HasSubstr("not heard")));
+  EXPECT_THAT(statement(dot, "\"svm\" ["), HasSubstr("not heard"));
+  EXPECT_THAT(statement(dot, "\"camera\" -> \"supervoxels\""),
+              HasSubstr("Cloud (dense) \\n8.5 Hz, 120 messages"));
+  EXPECT_THAT(statement(dot, "\"camera\" -> \"features\""), Not(HasSubstr("Hz")));
+  EXPECT_THAT(dot, HasSubstr("segment, 3 frames in flight"));
+  EXPECT_EQ(to_dot(graph, fake_catalog(), nullptr), to_dot(graph, fake_catalog()));
+}
+
+TEST(ToDot, MoodsOfStagesDiffer) {
+  const auto drawn_as = [](LiveStage::Mood mood) {
+    Overlay overlay;
+    overlay.stages["camera"] = {.mood = mood, .state = "s"};
+    return statement(to_dot(parsed(kSegmentGraph), fake_catalog(), &overlay), "\"camera\" [");
+  };
+  EXPECT_NE(drawn_as(LiveStage::Mood::idle), drawn_as(LiveStage::Mood::busy));
+  EXPECT_NE(drawn_as(LiveStage::Mood::busy), drawn_as(LiveStage::Mood::wrong));
+}
+
 TEST(ToDot, IsAcceptedByGraphviz) {
   if (std::system("dot -V 2> /dev/null") != 0) GTEST_SKIP() << "Graphviz is not installed";
   const std::string folder = ::testing::TempDir();
@@ -93,7 +124,10 @@ TEST(ToDot, IsAcceptedByGraphviz) {
   const std::string errors = folder + "cosegraph_draw_test.errors";
   GraphDescription graph = parsed(kSegmentGraph);
   set_param(graph, "camera", "path", {"\"]; <b>&\\ \n\x01 é"});
-  std::ofstream(file) << to_dot(graph, fake_catalog());
+  Overlay overlay{.title = "<&>"};
+  overlay.stages["camera"] = {.state = "\"<odd>\\ \x01", .figures = {"&"}};
+  overlay.topics[topic_name(graph, "camera", "dense")] = "\"5\" Hz\\";
+  std::ofstream(file) << to_dot(graph, fake_catalog()) << to_dot(graph, fake_catalog(), &overlay);
   const std::string command = "dot -Tsvg '" + file + "' -o '" + file + ".svg' 2> '" + errors + "'";
   EXPECT_EQ(std::system(command.c_str()), 0);
   std::string complaint;

@@ -1,7 +1,10 @@
 #include "graph/runs.hpp"
 
 #include <gmock/gmock.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <optional>
@@ -51,7 +54,7 @@ TEST_F(Runs, AreSeenWhileTheirKeeperLives) {
     EXPECT_EQ(runs[0].pid, ::getpid());
   }
   EXPECT_THAT(live_runs(), IsEmpty());
-  EXPECT_TRUE(fs::is_empty(folder_.path())) << "nothing is left behind";
+  EXPECT_FALSE(fs::exists(folder_ / "mugs")) << "nothing is left behind";
 }
 
 TEST_F(Runs, AreFoundByNameAsTheyRun) {
@@ -71,6 +74,14 @@ TEST_F(Runs, OfOneGraphAreToldApartByInstance) {
   EXPECT_THAT(refusal([] { find_run({.graph = "mugs"}); }),
               HasSubstr("several runs of 'mugs': mugs (instance abc), mugs (instance xyz)"));
   EXPECT_EQ(find_run({.graph = "mugs", .instance = "x"}).instance, "xyz");
+}
+
+TEST_F(Runs, NeedNoNameIfThereIsOne) {
+  EXPECT_THAT(refusal([] { find_run({}); }), HasSubstr("no graph runs on this machine"));
+  const RunFolder first(graph("mugs", "abc"), "");
+  EXPECT_EQ(find_run({}).graph, "mugs");
+  const RunFolder second(graph("chairs", "xyz"), "");
+  EXPECT_THAT(refusal([] { find_run({}); }), HasSubstr("several graphs run here: chairs"));
 }
 
 TEST_F(Runs, UnknownOnesAreRefusedNamingThoseThereAre) {
@@ -97,6 +108,32 @@ TEST_F(Runs, HaveOneKeeperPerHost) {
   rack.emplace(graph("mugs", ""), "rack");
   EXPECT_THAT(live_runs(), SizeIs(2));
   rack->discard();
+}
+
+// Each cleans up what it takes for abandoned when it begins, and after itself when it ends.
+TEST_F(Runs, ThatBeginAndEndTogetherDoNotHinderEachOther) {
+  std::vector<pid_t> children;
+  for (int c = 0; c < 6; ++c) {
+    const pid_t pid = ::fork();
+    if (pid == 0) {
+      try {
+        for (int i = 0; i < 60; ++i) {
+          const RunFolder kept(graph("mugs", std::to_string(c) + "-" + std::to_string(i)), "");
+          if (!fs::exists(kept.path() / "graph.yaml")) ::_exit(2);
+        }
+        ::_exit(0);
+      } catch (const std::exception& error) {
+        std::fprintf(stderr, "%s\n", error.what());
+        ::_exit(1);
+      }
+    }
+    children.push_back(pid);
+  }
+  for (const pid_t pid : children) {
+    int status = -1;
+    ::waitpid(pid, &status, 0);
+    EXPECT_EQ(status, 0);
+  }
 }
 
 TEST_F(Runs, LeftByKilledKeepersAreCleanedUp) {

@@ -25,7 +25,7 @@ std::string complaint(const GraphDescription& graph) {
   }
 }
 
-void copy(const fs::path& from, const fs::path& to) {
+void copy_over(const fs::path& from, const fs::path& to) {
   fs::copy_file(from, to, fs::copy_options::overwrite_existing);
 }
 
@@ -48,28 +48,28 @@ TEST(Credentials, ThatHaveExpiredAreRefused) {
 TEST(Credentials, OfAnotherAuthorityAreRefused) {
   KeyWorld world;
   world.issue_into("other", keys::from_now(1));
-  copy(world.path("other/identity_ca.pem"), world.path("keys/identity_ca.pem"));
+  copy_over(world.path("other/identity_ca.pem"), world.path("keys/identity_ca.pem"));
   EXPECT_THAT(complaint(world.graph()), HasSubstr("was not issued by the authority of"));
 }
 
 TEST(Credentials, OfAnotherStageAreRefused) {
   KeyWorld world;
   for (const char* file : {"cert.pem", "key.pem"})
-    copy(world.path("keys/stages/camera") / file, world.path("keys/stages/work") / file);
+    copy_over(world.path("keys/stages/camera") / file, world.path("keys/stages/work") / file);
   EXPECT_THAT(complaint(world.graph()),
               HasSubstr("is the certificate of CN=stage.camera,O=g, not of CN=stage.work,O=g"));
 }
 
 TEST(Credentials, WithAnotherKeyAreRefused) {
   KeyWorld world;
-  copy(world.path("keys/observer/key.pem"), world.path("keys/stages/work/key.pem"));
+  copy_over(world.path("keys/observer/key.pem"), world.path("keys/stages/work/key.pem"));
   EXPECT_THAT(complaint(world.graph()), HasSubstr("does not belong to"));
 }
 
 TEST(Permissions, OfAnotherStageAreRefused) {
   KeyWorld world;
-  copy(world.path("keys/stages/camera/permissions.p7s"),
-       world.path("keys/stages/work/permissions.p7s"));
+  copy_over(world.path("keys/stages/camera/permissions.p7s"),
+            world.path("keys/stages/work/permissions.p7s"));
   EXPECT_THAT(complaint(world.graph()), HasSubstr("holds no permissions of CN=stage.work,O=g"));
 }
 

@@ -153,21 +153,18 @@ TEST(Permissions, AreForThePartitionsOfTheGraph) {
   EXPECT_THROW(Participant(run, "x", kWork), GraphError) << "keys of another graph";
 }
 
-// A stage that goes wrong: with its own certificate and permissions, but a governance of its own
-// making that lets it write anything. The others have theirs.
+// A stage that goes wrong: with its own certificate and permissions, but a governance that lets it
+// write anything, as if it had been built without the checks. The others have theirs.
 TEST(Permissions, AreKeptByTheOthers) {
   KeyWorld world;
-  const keys::Credential forger =
-      keys::make_authority({"permissions authority", "g"}, keys::from_now(1));
   std::string governance = governance_text(world.graph());
   const std::string rule = "<enable_write_access_control>true";
   ASSERT_NE(governance.find(rule), std::string::npos);
   governance.replace(governance.find(rule), rule.size(), "<enable_write_access_control>false");
-  io::write_file(world.path("governance.p7s"), keys::sign(forger, governance));
+  const keys::Credential authority{io::read_file(world.path("keys/permissions_ca.pem")),
+                                   io::read_file(world.path("keys/ca/permissions_key.pem"))};
+  io::write_file(world.path("governance.p7s"), keys::sign(authority, governance));
   KeyFiles files = key_files(world.graph(), kWork);
-  io::write_file(world.path("both_ca.pem"),
-                 io::read_file(files.permissions_ca) + forger.certificate);
-  files.permissions_ca = world.path("both_ca.pem");
   files.governance = world.path("governance.p7s");
   RawParticipant wrong(world.graph(), files);
   ASSERT_TRUE(wrong.joined());

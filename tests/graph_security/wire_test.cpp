@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <linux/if_ether.h>
 #include <net/if.h>
+#include <netinet/in.h>
 #include <netpacket/packet.h>
 #include <poll.h>
 #include <sys/socket.h>

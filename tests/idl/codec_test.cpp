@@ -82,6 +82,20 @@ TEST(Codec, HeaderSurvivesInFrontOfEveryPayload) {
   EXPECT_EQ(header.name, kHeader.name);
 }
 
+TEST(Codec, EpochIsReplacedAndNothingElse) {
+  FrameHeader header = kHeader;
+  for (const std::string name : {"", "a", "ab", "abc", "abcdefgh"}) {
+    header.source = name;
+    header.epoch = 5;
+    Bytes bytes = encode(header, example_cloud());
+    header.epoch = 0x0123456789abcdefULL;
+    set_epoch(bytes, header.epoch);
+    EXPECT_EQ(bytes, encode(header, example_cloud())) << name;
+  }
+  Bytes damaged(10, 0xff);
+  EXPECT_THROW(set_epoch(damaged, 1), InputError);
+}
+
 TEST(Codec, CloudSurvives) {
   const Cloud before = example_cloud();
   const Cloud after = round_trip(before);

@@ -11,7 +11,9 @@
 #include "graph/description.hpp"
 #include "io/file.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/hosts.hpp"
 #include "tools/cosegraph/run_graph.hpp"
+#include "tools/cosegraph/watching.hpp"
 
 namespace cosegraph::tools {
 namespace {
@@ -51,9 +53,7 @@ std::string render_dot(const std::string& dot, const std::string& format) {
   return io::read_file(folder / "picture");
 }
 
-int draw_graph(const std::string& file, const std::string& output) {
-  const graph::Catalog known = catalog();
-  const std::string dot = graph::to_dot(graph::load(file, known), known);
+void write_drawing(const std::string& dot, const std::string& output) {
   const std::string format = fs::path(output).extension().string();
   if (format == ".dot")
     io::write_file(output, dot);
@@ -61,6 +61,35 @@ int draw_graph(const std::string& file, const std::string& output) {
     io::write_file(output, render_dot(dot, format.substr(1)));
   else
     throw ParameterError("-o " + output + ": the extension must be .svg, .png, .pdf or .dot");
+}
+
+int draw_graph(const std::string& file, const std::string& output) {
+  const graph::Catalog known = catalog();
+  write_drawing(graph::to_dot(graph::load(file, known), known), output);
+  return 0;
+}
+
+struct LiveDrawing {
+  Watched watched;
+  std::string output;
+  bool live = false;
+  double every = 0.0;  // s; 0: once
+};
+
+// Draws a running graph, again and again if so wanted.
+int draw_running(const LiveDrawing& drawing) {
+  const graph::GraphDescription graph = drawing.watched.find();
+  const graph::Catalog known = catalog();
+  const StopSignals signals;
+  graph::Observer observer(graph);
+  do {
+    const graph::Overlay overlay =
+        overlay_of(graph, look_twice(observer, graph, drawing.watched.patience()));
+    if (overlay.stages.empty())
+      throw Error("graph '" + graph.graph + "': no stage is heard; see 'cosegraph doctor'");
+    write_drawing(graph::to_dot(graph, known, &overlay), drawing.output);
+  } while (drawing.every > 0.0 &&
+           pause(signals, std::chrono::milliseconds(static_cast<long>(1000 * drawing.every))));
   return 0;
 }
 
@@ -71,14 +100,15 @@ struct RunArguments {
   std::string file;
   std::vector<std::string> params;
   bool json = false;
+  Where where;
 };
 
-int run(const RunArguments& arguments, Processes processes) {
-  return run_and_report(graph::load(arguments.file, catalog()), arguments.params, processes,
-                        arguments.json)
-                 .fine()
-             ? 0
-             : 1;
+// Of a graph that names hosts `up` runs one host's part: the one that is asked for, or the one
+// whose address this machine has.
+int run(RunArguments arguments) {
+  const graph::GraphDescription graph = graph::load(arguments.file, catalog());
+  if (!arguments.where.one_process) arguments.where.host = host_here(graph, arguments.where.host);
+  return run_and_report(graph, arguments.params, arguments.where, arguments.json).fine() ? 0 : 1;
 }
 
 // -- stages
@@ -207,25 +237,48 @@ void add_graph_commands(CLI::App& app, const Choose& choose) {
   check->callback([=] { choose([=] { return check_graph(*file); }); });
 
   auto* draw = app.add_subcommand("draw", "Draws a graph file with Graphviz");
-  auto output = std::make_shared<std::string>();
-  draw->add_option("graph", *file, "graph file")->required();
-  draw->add_option("-o,--output", *output, "picture: .svg, .png, .pdf or .dot")->required();
-  draw->footer("Example:\n  cosegraph draw config/graphs/segment.yaml -o segment.svg");
-  draw->callback([=] { choose([=] { return draw_graph(*file, *output); }); });
+  auto drawing = std::make_shared<LiveDrawing>();
+  draw->add_option("graph", *file, "graph file, or with --live name of a running graph")
+      ->required();
+  draw->add_option("-o,--output", drawing->output, "picture: .svg, .png, .pdf or .dot")->required();
+  auto* live = draw->add_flag("--live", drawing->live,
+                              "as it runs: states, rates and counts of stages and edges");
+  draw->add_option("--every", drawing->every, "draw again every so many seconds, until Ctrl-C")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->needs(live);
+  draw->add_option("--instance", drawing->watched.instance, "which of several runs of it")
+      ->needs(live);
+  add_timeout(*draw, drawing->watched, 3.0, "how long to wait for stages that are not heard");
+  draw->footer(
+      "Example:\n  cosegraph draw config/graphs/segment.yaml -o segment.svg\n"
+      "  cosegraph draw segment --live --every 1 -o live.svg");
+  draw->callback([=] {
+    choose([=] {
+      drawing->watched.graph = *file;
+      return drawing->live ? draw_running(*drawing) : draw_graph(*file, drawing->output);
+    });
+  });
 
-  const auto add_run = [&](const char* name, const char* what, Processes processes) {
+  const auto add_run = [&](const char* name, const char* what, bool one_process) {
     auto* command = app.add_subcommand(name, what);
     auto arguments = std::make_shared<RunArguments>();
+    arguments->where.one_process = one_process;
+    if (!one_process) {
+      command->add_option("--host", arguments->where.host,
+                          "of a graph with hosts: the one whose stages run here");
+      command->add_flag("--allow-exec", arguments->where.allow_exec,
+                        "run programs of the graph that stand outside its folder");
+    }
     command->add_option("graph", arguments->file, "graph file")->required();
     command->add_option("--param", arguments->params, "STAGE.NAME=VALUE, may be repeated")
         ->take_all();
     command->add_flag("--json", arguments->json, "the report as JSON");
     command->footer(std::string("Example:\n  cosegraph ") + name +
                     " segment.yaml --param source.path=queries --param sink.folder=out");
-    command->callback([=] { choose([=] { return run(*arguments, processes); }); });
+    command->callback([=] { choose([=] { return run(*arguments); }); });
   };
-  add_run("run", "Runs a graph in this process, one DDS participant per stage", Processes::one);
-  add_run("up", "Runs a graph as one process per stage on this host", Processes::per_stage);
+  add_run("run", "Runs a graph in this process, one DDS participant per stage", true);
+  add_run("up", "Runs a graph, or one host's part of it, as a process per stage", false);
 
   auto* stages = app.add_subcommand("stages", "Lists stages with ports, parameters and defaults");
   auto kind = std::make_shared<std::string>();

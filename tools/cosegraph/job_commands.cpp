@@ -88,9 +88,8 @@ int train(const TrainArguments& arguments) {
   configure(graph, "descriptors", describe(config.descriptors));
   configure(graph, "spectra", describe(config.spectra));
   configure(graph, "training", describe(config.training));
-  const graph::RunReport report =
-      run_and_report(std::move(graph), arguments.params,
-                     arguments.processes ? Processes::per_stage : Processes::one, arguments.json);
+  const graph::RunReport report = run_and_report(
+      std::move(graph), arguments.params, {.one_process = !arguments.processes}, arguments.json);
   if (report.fine()) std::cerr << "model written to " << arguments.output << '\n';
   return report.fine() ? 0 : 1;
 }
@@ -186,9 +185,8 @@ int segment(const SegmentArguments& arguments) {
   configure(graph, "descriptors", describe(config.descriptors));
   configure(graph, "spectra", describe(config.spectra));
   configure(graph, "astar", describe(config.astar));
-  const graph::RunReport report =
-      run_and_report(std::move(graph), arguments.params,
-                     arguments.processes ? Processes::per_stage : Processes::one, arguments.json);
+  const graph::RunReport report = run_and_report(
+      std::move(graph), arguments.params, {.one_process = !arguments.processes}, arguments.json);
   if (!arguments.json) print_results(arguments.output);
   return report.fine() ? 0 : 1;
 }

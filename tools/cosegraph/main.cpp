@@ -24,6 +24,13 @@ int main(int argc, char** argv) {
   tools::add_eval_command(app, choose);
   tools::add_graph_commands(app, choose);
   tools::add_keys_command(app, choose);
+  tools::add_agent_commands(app, choose);
+  tools::add_recording_commands(app, choose);
+  tools::add_replay_commands(app, choose);
+  tools::add_topic_commands(app, choose);
+  tools::add_top_command(app, choose);
+  tools::add_why_command(app, choose);
+  tools::add_doctor_command(app, choose);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -7,6 +7,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "graph/control.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
 
@@ -15,8 +16,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path executable_folder() {
-  return fs::read_symlink("/proc/self/exe").parent_path();
+// Of all stages, in the graph's order.
+std::vector<std::string> process_names(const graph::GraphDescription& graph) {
+  std::vector<std::string> names;
+  for (const auto& node : graph.stages)
+    for (std::uint32_t replica = 0; replica < graph::hosts_of(node).size(); ++replica)
+      names.push_back(graph::process_name(node, replica));
+  return names;
 }
 
 // One line that is rewritten on a terminal; on a file a line per change of the counts.
@@ -59,19 +65,19 @@ void print_failures(const graph::RunReport& report) {
 nlohmann::ordered_json to_json(const graph::RunReport& report,
                                const graph::GraphDescription& graph) {
   nlohmann::ordered_json stages = nlohmann::ordered_json::object();
-  for (const auto& node : graph.stages) {
-    const auto found = report.stages.find(node.name);
+  for (const auto& name : process_names(graph)) {
+    const auto found = report.stages.find(name);
     if (found == report.stages.end()) continue;
     const idl::StageStatus& status = found->second.status;
-    stages[node.name] = {{"kind", status.kind},
-                         {"state", to_name(status.state)},
-                         {"frames", status.frames_out},
-                         {"failed", status.frames_failed},
-                         {"ms_median", status.latency_median},
-                         {"ms_p99", status.latency_p99},
-                         {"ms_total", status.latency_sum},
-                         {"cpu_seconds", status.cpu_seconds},
-                         {"memory", status.memory}};
+    stages[name] = {{"kind", status.kind},
+                    {"state", to_name(status.state)},
+                    {"frames", status.frames_out},
+                    {"failed", status.frames_failed},
+                    {"ms_median", status.latency_median},
+                    {"ms_p99", status.latency_p99},
+                    {"ms_total", status.latency_sum},
+                    {"cpu_seconds", status.cpu_seconds},
+                    {"memory", status.memory}};
   }
   nlohmann::ordered_json failures = nlohmann::ordered_json::array();
   for (const auto& failure : report.failures)
@@ -95,14 +101,20 @@ nlohmann::ordered_json to_json(const graph::RunReport& report,
 
 }  // namespace
 
-graph::RunReport run_graph(const graph::GraphDescription& graph, Processes processes) {
+fs::path executable_folder() {
+  return fs::read_symlink("/proc/self/exe").parent_path();
+}
+
+graph::RunReport run_graph(const graph::GraphDescription& graph, const Where& where) {
   const StopSignals signals;
   ProgressLine progress;
   graph::RunOptions options{.on_update = [&](const auto& stages) { progress.update(stages); },
                             .stop = &signals.asked()};
-  if (processes == Processes::one) return graph::run_in_process(graph, stage_table(), options);
+  if (where.one_process) return graph::run_in_process(graph, stage_table(), options);
   return graph::run_processes(graph, graph::catalog_of(stage_table()), options,
-                              {.executables = executable_folder(),
+                              {.host = where.host,
+                               .executables = executable_folder(),
+                               .allow_exec = where.allow_exec,
                                .on_output = [](const std::string& stage, const std::string& line) {
                                  std::cerr << "[" << stage << "] " << line << '\n';
                                }});
@@ -116,11 +128,11 @@ void print_report(const graph::RunReport& report, const graph::GraphDescription&
   }
   std::printf("%-14s %8s %8s %10s %10s %10s\n", "stage", "frames", "failed", "ms median", "ms p99",
               "ms total");
-  for (const auto& node : graph.stages) {
-    const auto found = report.stages.find(node.name);
+  for (const auto& name : process_names(graph)) {
+    const auto found = report.stages.find(name);
     if (found == report.stages.end() || found->second.status.frames_in == 0) continue;
     const idl::StageStatus& status = found->second.status;
-    std::printf("%-14s %8llu %8llu %10.1f %10.1f %10.1f\n", node.name.c_str(),
+    std::printf("%-14s %8llu %8llu %10.1f %10.1f %10.1f\n", name.c_str(),
                 static_cast<unsigned long long>(status.frames_out),
                 static_cast<unsigned long long>(status.frames_failed), status.latency_median,
                 status.latency_p99, status.latency_sum);
@@ -191,11 +203,11 @@ void require_sound(const graph::GraphDescription& graph) {
 }
 
 graph::RunReport run_and_report(graph::GraphDescription graph,
-                                const std::vector<std::string>& settings, Processes processes,
+                                const std::vector<std::string>& settings, const Where& where,
                                 bool json) {
   apply_overrides(graph, settings);
   require_sound(graph);
-  const graph::RunReport report = run_graph(graph, processes);
+  const graph::RunReport report = run_graph(graph, where);
   print_report(report, graph, json);
   return report;
 }

@@ -11,10 +11,18 @@
 
 namespace cosegraph::tools {
 
-enum class Processes { one, per_stage };
+// Where a graph runs: in this process, or in one per stage of `host` (empty: of all).
+struct Where {
+  bool one_process = true;
+  std::string host;
+  bool allow_exec = false;  // programs of graphs may stand anywhere
+};
 
 // Runs `graph` to the end of its stream; Ctrl-C stops it in order. Progress goes to stderr.
-graph::RunReport run_graph(const graph::GraphDescription& graph, Processes processes);
+graph::RunReport run_graph(const graph::GraphDescription& graph, const Where& where);
+
+// Where this program is, with those of the stages beside it.
+std::filesystem::path executable_folder();
 
 // Stages with frames and times, failures and the account, as text or JSON on stdout.
 void print_report(const graph::RunReport& report, const graph::GraphDescription& graph, bool json);
@@ -35,7 +43,7 @@ void require_sound(const graph::GraphDescription& graph);
 // What every command that runs a graph does with it: settings of the command line, check, run,
 // report.
 graph::RunReport run_and_report(graph::GraphDescription graph,
-                                const std::vector<std::string>& settings, Processes processes,
+                                const std::vector<std::string>& settings, const Where& where,
                                 bool json);
 
 }  // namespace cosegraph::tools

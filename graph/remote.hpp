@@ -1,0 +1,49 @@
+// Speaks to the agents of a running graph: who is there, and orders with their replies.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "graph/description.hpp"
+#include "graph/observer.hpp"
+#include "idl/codec.hpp"
+
+namespace cosegraph::graph {
+
+class Remote {
+ public:
+  // `graph` with its instance, see find_run().
+  explicit Remote(const GraphDescription& graph);
+  ~Remote();
+
+  // Waits until the agents that are there have been heard: `patience` at most, less once all hosts
+  // of the graph file answer.
+  std::map<std::string, ObservedAgent> agents(std::chrono::milliseconds patience);
+  // The newest of every process and every failure seen so far.
+  Observer& observer();
+
+  // Sends an order to the agent of `command.host` and waits for its end; the id is filled in.
+  // Progress is passed on. Throws Error if the order is refused (its text tells why) or nobody
+  // answers in time.
+  std::string order(idl::Command command, std::chrono::milliseconds patience,
+                    const std::function<void(const std::string&)>& on_progress = {});
+
+  // Calls `take` with what stages print from now on (and with what agents still have of it), until
+  // it returns false.
+  void logs(const std::function<bool(const idl::LogLines&)>& take,
+            std::chrono::milliseconds patience);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// The hosts whose agents run processes of a stage.
+std::vector<std::string> hosts_running(const std::map<std::string, ObservedAgent>& agents,
+                                       const std::string& stage);
+
+}  // namespace cosegraph::graph
