@@ -20,6 +20,15 @@ graph::Catalog catalog() {
   return graph::catalog_of(stage_table());
 }
 
+// How the graph file is to name the folder.
+std::string as_seen_from(const std::string& file, const std::string& folder) {
+  namespace fs = std::filesystem;
+  const fs::path from = fs::absolute(file).lexically_normal().parent_path();
+  const fs::path to = fs::absolute(fs::path(folder) / "").lexically_normal().parent_path();
+  const std::string relative = to.lexically_relative(from).string();
+  return relative.starts_with("..") ? to.string() : relative;
+}
+
 // The graph without regard to the keys that it names: they are yet to be made.
 graph::GraphDescription load_graph(const std::string& file, std::string& folder) {
   std::vector<graph::Fault> faults;
@@ -41,7 +50,8 @@ int init(KeysArguments arguments) {
   keys::init(graph, catalog(), arguments.folder, keys::from_now(arguments.days));
   std::cout << arguments.folder << ": keys of " << graph.stages.size()
             << " stages, observer and agent, for " << arguments.days << " days\n"
-            << "the graph file uses them with   dds: {security: " << arguments.folder << "}\n";
+            << "the graph file uses them with   dds: {security: "
+            << as_seen_from(arguments.file, arguments.folder) << "}\n";
   return 0;
 }
 
