@@ -247,6 +247,37 @@ TEST_F(Live, ChosenTopicsOnlyAndWhatHappenedToTheFrames) {
       ParameterError);
 }
 
+// A model that frames name may be found after them; an end that is asked for waits for it.
+TEST_F(Live, WhatIsOnItsWayAtTheEndIsWaitedFor) {
+  Recorder recorder(graph_, graph::catalog_of(kTable), file(), {});
+  graph::Participant participant(graph_, "chain/hand");
+  std::map<std::string, std::unique_ptr<graph::Writer>> writers;
+  const auto write = [&](const std::string& stage, std::uint64_t sequence, const auto& value) {
+    for (const auto& topic : topics_of(graph_, graph::catalog_of(kTable)))
+      if (topic.name == "chain/" + stage) {
+        auto& writer = writers[stage];
+        if (!writer) writer = participant.writer(topic.name, topic.type, qos_of(topic, graph_));
+        for (int i = 0; i < 3000 && writer->matched() == 0; ++i) std::this_thread::sleep_for(1ms);
+        writer->write(idl::encode(
+            {.graph = "chain", .stage = stage, .epoch = 3, .sequence = sequence, .model_id = 7},
+            value));
+      }
+  };
+  const Cloud cloud{.xyz = {1.0F, 2.0F, 3.0F}, .width = 1, .height = 1};
+  for (const auto* stage : {"numbers/out", "first/out", "second/out"})
+    for (const std::uint64_t sequence : {0, 2}) write(stage, sequence, cloud);
+  while (recorder.progress().messages < 6) recorder.step(1ms);
+  std::thread late([&] {
+    for (const auto* stage : {"numbers/out", "first/out", "second/out"}) write(stage, 1, cloud);
+    write("provider/model", 0, RelationModel{.id = 7, .label_names = {"a"}, .neighbours = {1}});
+  });
+  const Completeness completeness = recorder.finish("stopped").completeness;
+  late.join();
+  EXPECT_TRUE(completeness.has_all());
+  ASSERT_THAT(completeness.stretches, SizeIs(1));
+  EXPECT_EQ(completeness.stretches[0].frames, (Range{3, 0, 2}));
+}
+
 // What has no room is lost to the recording, by count, and to nobody else.
 TEST_F(Live, RecorderWithoutRoomHoldsNobodyUp) {
   graph::set_param(graph_, "numbers", "count", {"200"});

@@ -9,7 +9,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kFlushPeriod = 1s;   // so much is lost if the recorder is killed
-constexpr auto kLastPatience = 2s;  // for messages still on their way when the source is finished
+constexpr auto kLastPatience = 2s;  // for messages still on their way at the end
 
 std::uint64_t wall_nanoseconds() {
   return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -92,12 +92,15 @@ void Recorder::receive(std::size_t topic, graph::Sample sample) {
 void Recorder::work() {
   Tally heard(topics_);
   auto flushed = Clock::now();
+  bool judged = false;  // at least once since the end began
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait_for(lock, kFlushPeriod, [this] { return stop_ || !queue_.empty(); });
+    changed_.wait_for(lock, kFlushPeriod,
+                      [&] { return stop_ || !queue_.empty() || ending_ != judged; });
     if (stop_ && queue_.empty()) return;
     std::deque<Entry> batch = std::exchange(queue_, {});
     const bool source_finished = source_finished_;
+    const bool ending = judged = ending_;
     lock.unlock();
     std::uint64_t bytes = 0;
     std::exception_ptr error;
@@ -116,10 +119,12 @@ void Recorder::work() {
       error = std::current_exception();
     }
     const bool whole = source_finished && heard.has_whole_stream();
+    const bool missing = ending && !heard.completeness().has_all();
     batch.clear();
     lock.lock();
     queued_bytes_ -= bytes;  // of no matter if not all were written: the queue ends below
     whole_ = whole;
+    missing_ = missing || !ending;
     full_ = recording_.full();
     if (error) error_ = error;
     if (error_ || full_) {
@@ -162,6 +167,13 @@ std::string Recorder::reason(const std::string& otherwise) const {
 }
 
 Recorder::Result Recorder::finish(const std::string& otherwise) {
+  {
+    std::unique_lock lock(mutex_);
+    ending_ = true;
+    changed_.notify_all();
+    changed_.wait_for(lock, kLastPatience,
+                      [this] { return error_ || full_ || !missing_ || progress_.lost > 0; });
+  }
   readers_.clear();
   {
     const std::scoped_lock lock(mutex_);

@@ -49,8 +49,9 @@ class Recorder {
   };
   Progress progress() const;
 
-  // Takes no more messages, writes what has come, closes the file. `otherwise`: why it is over, if
-  // not for a reason that the recorder knows. Throws what writing threw.
+  // Waits a moment for what is still on its way (models that frames name, frames that others have
+  // overtaken), then takes no more messages, writes what has come, closes the file. `otherwise`:
+  // why it is over, if not for a reason that the recorder knows. Throws what writing threw.
   struct Result {
     std::vector<std::filesystem::path> files;
     Completeness completeness;
@@ -78,7 +79,9 @@ class Recorder {
   std::vector<bool> heard_;
   Progress progress_;
   bool source_finished_ = false;
-  bool whole_ = false;  // has every frame of the stream
+  bool whole_ = false;   // has every frame of the stream
+  bool ending_ = false;  // asks whether something is missing
+  bool missing_ = true;  // of the frames that have come
   bool full_ = false;
   bool stop_ = false;
   std::exception_ptr error_;
