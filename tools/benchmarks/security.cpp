@@ -1,5 +1,8 @@
+#include <sys/resource.h>
+
 #include <cstdio>
 #include <cstdlib>
+#include <map>
 #include <stdexcept>
 
 #include "io/cloud_io.hpp"
@@ -27,20 +30,39 @@ void write_graph(const fs::path& file, const std::string& line) {
   io::write_file(file, text);
 }
 
-// Wall milliseconds of a stream. `how`: "run" or "up".
-double stream(const fs::path& folder, const char* how, const char* graph, const char* queries) {
-  return measure([&] {
-           run(std::string(how) + " " + (folder / graph).string() +
-               " --param descriptors.threads=1 --param model.file=" +
-               (folder / "model.coseg").string() + " --param source.path=" +
-               (folder / queries).string() + " --param sink.folder=" + (folder / "out").string());
-         })
-      .wall;
+// Milliseconds of all programs that were waited for.
+double cpu_of_children() {
+  rusage usage{};
+  ::getrusage(RUSAGE_CHILDREN, &usage);
+  const auto ms = [](const timeval& time) {
+    return 1e3 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_usec);
+  };
+  return ms(usage.ru_utime) + ms(usage.ru_stime);
 }
+
+// `how`: "run" or "up". The CPU time is that of all processes.
+Spent stream(const fs::path& folder, const char* how, const char* graph, const char* queries) {
+  const double before = cpu_of_children();
+  Spent spent = measure([&] {
+    run(std::string(how) + " " + (folder / graph).string() +
+        " --param descriptors.threads=1 --param model.file=" + (folder / "model.coseg").string() +
+        " --param source.path=" + (folder / queries).string() +
+        " --param sink.folder=" + (folder / "out").string());
+  });
+  spent.cpu = cpu_of_children() - before;
+  return spent;
+}
+
+struct Times {
+  std::vector<double> wall;
+  std::vector<double> cpu;
+  std::vector<double> start;
+};
 
 }  // namespace
 
-// Per-frame times are differences between a long and a short stream, so that start-up cancels.
+// Medians of per-frame times, which are differences between a long and a short stream, so that
+// start-up cancels.
 int bench_security(int frames) {
   const Subject subject = load_subject();
   const io::TemporaryFolder temporary;
@@ -63,19 +85,27 @@ int bench_security(int frames) {
 
   std::printf("security: %s, fpfh+fv+iso, %d frames, window 4, one thread per stage\n",
               subject.name.c_str(), frames);
+  constexpr int kRounds = 3;  // plain and encrypted in turn, so that both see the same machine
   for (const char* how : {"run", "up"}) {
-    double plain = 0.0;
-    for (const char* graph : {"plain.yaml", "secure.yaml"}) {
-      const double whole = stream(folder, how, graph, "long");
-      const double part = stream(folder, how, graph, "short");
-      const double per_frame = (whole - part) / (frames - few);
-      const bool is_plain = plain == 0.0;
-      if (is_plain) plain = per_frame;
-      std::printf("  %-20s %-10s %8.1f ms per frame, %.3f x plain; start-up and end %.0f ms\n",
-                  std::string(how) == "run" ? "one process" : "process per stage",
-                  is_plain ? "plain" : "encrypted", per_frame, per_frame / plain,
-                  part - few * per_frame);
-    }
+    std::map<std::string, Times> times;
+    for (int round = 0; round < kRounds; ++round)
+      for (const char* graph : {"plain.yaml", "secure.yaml"}) {
+        const Spent whole = stream(folder, how, graph, "long");
+        const Spent part = stream(folder, how, graph, "short");
+        Times& found = times[graph];
+        found.wall.push_back((whole.wall - part.wall) / (frames - few));
+        found.cpu.push_back((whole.cpu - part.cpu) / (frames - few));
+        found.start.push_back(part.wall - few * found.wall.back());
+      }
+    const double plain = median(times["plain.yaml"].wall);
+    const double plain_cpu = median(times["plain.yaml"].cpu);
+    for (const auto& [graph, found] : times)
+      std::printf(
+          "  %-18s %-11s %7.1f ms per frame (%.2f x plain), CPU %7.1f ms (%.2f x); start-up and "
+          "end %.0f ms\n",
+          std::string(how) == "run" ? "one process" : "process per stage", graph.c_str(),
+          median(found.wall), median(found.wall) / plain, median(found.cpu),
+          median(found.cpu) / plain_cpu, median(found.start));
   }
   return 0;
 }
