@@ -29,9 +29,11 @@ using idl::ProcessState;
 using idl::ReplyState;
 
 constexpr auto kStatusPeriod = 100ms;
-constexpr auto kForgetAfter = 30s;      // statuses of processes that are no more
-constexpr auto kRecoverAfter = 1500ms;  // time for statuses of all processes to be heard
-constexpr auto kFarewell = 1000ms;      // for the last reply to be found and taken
+constexpr auto kForgetAfter = 30s;  // statuses of processes that are no more
+constexpr auto kSilentAfter = 1s;   // an agent that says nothing is not there
+constexpr auto kGoneAfter = 10s;    // and is not waited for any longer
+constexpr auto kLeftover = 2s;      // a swap that nobody leads for so long is left over
+constexpr auto kFarewell = 1000ms;  // for the last reply to be found and taken
 constexpr std::size_t kReportsKept = 50'000;
 
 // "NAME=VALUE"
@@ -87,9 +89,8 @@ class Agent::Impl {
       adopt_graph();
     else
       folder_.publish(graph_);
-    recovered_ = adopted_ == 0;
     open_topics();
-    start_missing();
+    start_missing(view());
     publish_status();
   }
 
@@ -116,10 +117,11 @@ class Agent::Impl {
       }
       for (const auto& process : changed) speak_for(process);
       obey_orders();
-      if (swap_) step_swap();
-      if (!recovered_ && Clock::now() - began_ > kRecoverAfter) recover();
-      for (const auto& order : std::exchange(leftover_orders_, {})) send(order);
-      if (recovered_)
+      if (swap_)
+        step_swap();
+      else
+        end_leftover_swaps();
+      if (is_settled())
         for (const auto& command : std::exchange(postponed_, {})) obey(command);
       if (!changed.empty() || Clock::now() - published_ >= kStatusPeriod) publish_status();
     } while (!down_ && Clock::now() < until);
@@ -163,10 +165,19 @@ class Agent::Impl {
     });
   }
 
-  void start_missing() {
-    for (const auto& node : graph_.stages)
+  // Of what belongs here, that of which nothing is known: it was neither stopped nor given up.
+  void start_missing(const GraphView& view) {
+    const auto processes = supervisor_.processes();
+    const auto is_known = [&](const std::string& stage, std::uint32_t replica) {
+      return std::ranges::any_of(processes, [&](const auto& process) {
+        return process.stage == stage && process.replica == replica;
+      });
+    };
+    for (const auto& node : graph_.stages) {
+      if (in_the_middle(node.name, view)) continue;
       for (const std::uint32_t replica : own_replicas(node))
-        if (!is_running(node.name, replica)) supervisor_.launch(graph_, node.name, replica);
+        if (!is_known(node.name, replica)) supervisor_.launch(graph_, node.name, replica);
+    }
   }
 
   // -- topics ------------------------------------------------------------------------------------
@@ -188,7 +199,7 @@ class Agent::Impl {
     });
     read<idl::AgentStatus>("agent_status", 1, [this](const auto&, idl::AgentStatus status) {
       const std::string host = status.host;
-      agents_[host] = std::move(status);
+      agents_[host] = {std::move(status), Clock::now()};
     });
     read<idl::FrameDone>("frame_done", 2 * graph_.window + 2,
                          [this](const auto& header, const idl::FrameDone& done) {
@@ -230,6 +241,10 @@ class Agent::Impl {
     idl::AgentStatus status{.host = options_.host,
                             .pid = static_cast<std::uint32_t>(::getpid()),
                             .processes = supervisor_.processes()};
+    if (swap_) {
+      status.swapping = swap_->request().stage;
+      status.newcomer = swap_->request().new_generation;
+    }
     const auto host = std::ranges::find(graph_.hosts, options_.host, &Host::name);
     if (host != graph_.hosts.end()) status.address = host->address;
     status_writer_->write(idl::encode(header(), status));
@@ -298,9 +313,8 @@ class Agent::Impl {
   void obey(const idl::Command& command) {
     try {
       if (command.verb == verb::kLaunch) return launch(command);
-      if (command.verb == verb::kPromote)
-        return supervisor_.promote(command.stage, command.generation);
-      if (command.verb == verb::kDismiss) return dismiss(command);
+      if (command.verb == verb::kReplace) return replace(command);
+      if (command.verb == verb::kDismiss) return dismiss(command.stage, command.generation);
       if (command.verb == verb::kRetire || command.verb == verb::kKeep)
         return supervisor_.allow_restart(command.stage, command.generation,
                                          command.verb == verb::kKeep);
@@ -372,20 +386,28 @@ class Agent::Impl {
     publish_status();
   }
 
-  void dismiss(const idl::Command& command) {
-    supervisor_.stop(command.stage, command.generation);
+  void replace(const idl::Command& command) {
+    supervisor_.promote(command.stage, command.generation);
+    std::set<std::uint32_t> before;
+    for (const auto& process : supervisor_.processes())
+      if (process.stage == command.stage && process.generation < command.generation)
+        before.insert(process.generation);
+    for (const std::uint32_t generation : before) dismiss(command.stage, generation);
+    publish_status();
+  }
+
+  void dismiss(const std::string& stage, std::uint32_t generation) {
+    supervisor_.stop(stage, generation);
     // Its end is seen here: nobody is to be told of it.
     const auto runs = [&] {
       return std::ranges::any_of(supervisor_.processes(), [&](const auto& process) {
-        return process.stage == command.stage && process.generation == command.generation &&
-               process.pid != 0;
+        return process.stage == stage && process.generation == generation && process.pid != 0;
       });
     };
     while (runs())
       for (const auto& process : supervisor_.attend(10ms))
-        if (process.stage != command.stage || process.generation != command.generation)
-          speak_for(process);
-    supervisor_.forget(command.stage, command.generation);
+        if (process.stage != stage || process.generation != generation) speak_for(process);
+    supervisor_.forget(stage, generation);
     publish_status();
   }
 
@@ -442,50 +464,69 @@ class Agent::Impl {
     return graph;
   }
 
-  // Ends a swap that the agent before this one was killed in: the newcomer has taken over, and the
-  // old one goes; or it has not, and goes itself.
-  void recover() {
-    recovered_ = true;
+  // A new agent that has taken over processes hears of the others first, and of leftovers.
+  bool is_settled() const {
+    return adopted_ == 0 || Clock::now() - began_ > kLeftover + kSilentAfter;
+  }
+
+  // Whether something here is as it is only in the middle of a swap.
+  bool in_the_middle(const std::string& stage, const GraphView& view) const {
+    std::set<std::uint32_t> running;
+    for (const auto& process : supervisor_.processes()) {
+      if (process.stage != stage || process.state != ProcessState::running) continue;
+      if (process.candidate || !running.insert(process.replica).second) return true;
+      const auto seen = view.statuses.find({stage, process.replica, process.generation});
+      if (seen != view.statuses.end() &&
+          (seen->second.second.candidate || seen->second.second.state == idl::State::drained))
+        return true;
+    }
+    return supervisor_.any_retired(stage);
+  }
+
+  // Swaps whose leader was killed, or from whom this agent was cut off at the end.
+  void end_leftover_swaps() {
+    if (Clock::now() - looked_ < kStatusPeriod) return;
+    looked_ = Clock::now();
     const GraphView view = this->view();
-    if (std::ranges::none_of(supervisor_.processes(),
-                             [&](const auto& process) { return process.stage == source_; }))
-      return;  // its agent led the swap
-    std::map<std::string, std::vector<std::pair<std::uint32_t, bool>>> stages;  // generations
-    std::map<std::pair<std::string, std::uint32_t>, std::string> host_of;
-    const std::scoped_lock lock(mutex_);
-    for (const auto& [key, seen] : statuses_) {
-      const auto& [stage, replica, generation] = key;
-      if (view.now - seen.heard > 1s || seen.status.pid == 0) continue;
-      stages[stage].emplace_back(generation, seen.status.candidate);
-      host_of[{stage, generation}] = graph_.hosts.empty() ? "" : seen.status.host;
+    const std::string lead = leads_swaps();
+    std::string swapping;
+    {
+      const std::scoped_lock lock(mutex_);
+      for (const auto& [host, agent] : agents_)
+        if (host != options_.host && view.now - agent.heard > kSilentAfter &&
+            view.now - agent.heard < kGoneAfter)
+          return;
+      if (const auto leader = agents_.find(lead); leader != agents_.end() && lead != options_.host)
+        swapping = leader->second.status.swapping;
     }
-    for (auto& [stage, generations] : stages) {
-      std::ranges::sort(generations);
-      const auto [newest, is_candidate] = generations.back();
-      const auto order = [&, stage = stage](std::uint32_t generation, std::string_view verb,
-                                            const std::string& host) {
-        leftover_orders_.push_back({.id = random_id(),
-                                    .host = host,
-                                    .stage = stage,
-                                    .generation = generation,
-                                    .verb = std::string(verb)});
-      };
-      for (const auto& [generation, candidate] : generations) {
-        const std::string host = host_of.at({stage, generation});
-        if (generation == newest) {
-          order(newest, is_candidate ? verb::kDismiss : verb::kPromote, host);
-        } else if (is_candidate) {
-          order(generation, verb::kRelease, "");
-          order(generation, verb::kKeep, host);
-        } else {
-          order(generation, verb::kDismiss, host);
-        }
+    for (const auto& node : graph_.stages) {
+      if (node.name == swapping || !in_the_middle(node.name, view)) {
+        leftovers_.erase(node.name);
+        continue;
       }
+      const auto since = leftovers_.emplace(node.name, view.now).first->second;
+      if (view.now - since < kLeftover) continue;
+      leftovers_.erase(node.name);
+      for (const auto& order : end_leftover_swap(view, node.name, options_.host)) {
+        if (order.verb == verb::kReplace) announce_graph_of(order);
+        send(order);
+      }
+      return;  // orders have changed the graph, and what is known is old
     }
+    start_missing(view);
+  }
+
+  // The host of the source: its agent leads.
+  std::string leads_swaps() const { return hosts_of(*graph_.stage(source_)).front(); }
+
+  void announce_graph_of(const idl::Command& replaced) {
+    for (const auto& process : supervisor_.processes())
+      if (process.stage == replaced.stage && process.generation == replaced.generation)
+        return announce(supervisor_.graph_of(replaced.stage, replaced.generation));
   }
 
   void begin_swap(const idl::Command& command) {
-    if (!recovered_) {  // this agent has just taken over: it knows more in a moment
+    if (!is_settled()) {  // this agent has just taken over: it knows more in a moment
       postponed_.push_back(command);
       return;
     }
@@ -523,30 +564,35 @@ class Agent::Impl {
     std::erase_if(statuses_,
                   [&](const auto& entry) { return view.now - entry.second.heard > kForgetAfter; });
     for (const auto& [key, seen] : statuses_) view.statuses[key] = {seen.header, seen.status};
-    const auto add = [&](const std::vector<idl::AgentProcess>& processes) {
-      for (const auto& process : processes)
-        view.processes[{process.stage, process.replica, process.generation}] = process;
+    const auto add = [&](const std::string& host, const std::vector<idl::AgentProcess>& processes) {
+      for (const auto& process : processes) {
+        const ProcessKey key{process.stage, process.replica, process.generation};
+        view.processes[key] = process;
+        view.hosts[key] = host;
+      }
     };
     for (const auto& [host, agent] : agents_)
-      if (host != options_.host) add(agent.processes);
-    add(supervisor_.processes());
+      if (host != options_.host) add(host, agent.status.processes);
+    add(options_.host, supervisor_.processes());
     return view;
   }
 
   void step_swap() {
-    for (const auto& order : swap_->step(view())) send(order);
+    const auto orders = swap_->step(view());
+    const SwapRequest request = swap_->request();
+    const bool changes_graph = swap_->succeeded() && !request.dry_run;
+    if (changes_graph) announce(request.graph);  // first: where the stage belongs
+    for (const auto& order : orders) send(order);
     if (swap_->activity() != swap_activity_) {
       swap_activity_ = swap_->activity();
       if (!swap_->finished()) reply(swap_command_, ReplyState::progress, swap_activity_);
     }
     if (!swap_->finished()) return;
-    const SwapRequest& request = swap_->request();
     SwapReport report;
     {
       const std::scoped_lock lock(mutex_);
       report = swap_->report(reports_);
     }
-    if (report.done && !request.dry_run) announce(request.graph);
     reply(swap_command_, report.done ? ReplyState::done : ReplyState::refused,
           report.done ? to_json(report, request) : report.text + "; the old one goes on");
     swap_.reset();
@@ -591,14 +637,18 @@ class Agent::Impl {
   std::deque<idl::Command> orders_;
   std::set<std::uint64_t> known_ids_;
   std::map<ProcessKey, Heard> statuses_;
-  std::map<std::string, idl::AgentStatus> agents_;
+  struct HeardAgent {
+    idl::AgentStatus status;
+    Clock::time_point heard;
+  };
+  std::map<std::string, HeardAgent> agents_;
   std::deque<FrameReport> reports_;
   Supervisor supervisor_;
   std::size_t adopted_ = 0;
   const Clock::time_point began_ = Clock::now();
-  bool recovered_ = false;
-  std::vector<idl::Command> leftover_orders_;
-  std::vector<idl::Command> postponed_;  // swaps that were asked for before recover()
+  Clock::time_point looked_{};                          // for leftovers
+  std::map<std::string, Clock::time_point> leftovers_;  // stages, since when
+  std::vector<idl::Command> postponed_;                 // swaps that are asked for too early
   std::string failure_;
   bool down_ = false;
   bool left_ = false;

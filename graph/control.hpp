@@ -19,11 +19,14 @@ std::string control_topic(const GraphDescription& graph, std::string_view what);
 // How one process of a stage is called: "cpc", of several replicas "cpc.0", "cpc.1", ...
 std::string process_name(const StageNode& stage, std::uint32_t replica);
 
-// Orders to a stage (Command::verb); `generation` says to which of those that bear its name.
+// Orders to a stage (Command::verb). `generation` is always that of the newcomer in a swap; its
+// predecessors may be of any before, since a process that is started again counts up.
 namespace verb {
-constexpr std::string_view kDrain = "drain";        // finish the frame in work, then hold
-constexpr std::string_view kRelease = "release";    // go on after a drain
-constexpr std::string_view kActivate = "activate";  // end of standby; words: a Handover per replica
+// To the predecessors: finish the frame in work, then hold; go on after that.
+constexpr std::string_view kDrain = "drain";
+constexpr std::string_view kRelease = "release";
+// To the newcomer: end of standby; words: a Handover per replica.
+constexpr std::string_view kActivate = "activate";
 }  // namespace verb
 
 // What one process of a stage leaves to the one that takes its place.

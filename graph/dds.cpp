@@ -14,13 +14,17 @@
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 
+#include <algorithm>
+#include <condition_variable>
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <thread>
 
 #include "graph/credentials.hpp"
 #include "graph/dds_security.hpp"
 #include "graph/discovery.hpp"
+#include "graph/interfaces.hpp"
 
 namespace cosegraph::graph {
 namespace {
@@ -62,6 +66,8 @@ class EncodedType final : public dds::TopicDataType {
   bool getKey(void*, rtps::InstanceHandle_t*, bool) override { return false; }
 };
 
+constexpr auto kReconnectionPeriod = std::chrono::milliseconds(100);
+
 Duration_t milliseconds(int value) {
   return {0, static_cast<std::uint32_t>(value) * 1'000'000U};
 }
@@ -86,6 +92,23 @@ void set_server(const std::string& server, rtps::DiscoverySettings& discovery) {
                   static_cast<std::uint32_t>(std::stoul(server.substr(colon + 1)))));
   discovery.discoveryProtocol = rtps::DiscoveryProtocol_t::CLIENT;
   discovery.m_DiscoveryServers.push_back(remote);
+}
+
+// Whether the way to the other hosts of the graph is cut off, as when a cable is out.
+bool is_cut_off(const GraphDescription& graph, const Interface& interface) {
+  return !interface.connected &&
+         std::ranges::find(graph.hosts, interface.address, &Host::address) != graph.hosts.end();
+}
+
+// Fast DDS takes the addresses that are connected when a participant is made. Readers made while
+// the host is cut off would never be found from other hosts; so they are told the address.
+void set_own_addresses(const GraphDescription& graph,
+                       eprosima::fastdds::rtps::LocatorList& locators) {
+  const auto all = interfaces();
+  if (std::ranges::none_of(all, [&](const auto& one) { return is_cut_off(graph, one); })) return;
+  for (const auto& one : all)
+    if (!one.loopback && (one.connected || is_cut_off(graph, one)))
+      locators.push_back(udp_locator("hosts", one.address, 0));
 }
 
 dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name) {
@@ -115,6 +138,8 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
     for (const auto& peer : graph.dds.peers)
       qos.wire_protocol().builtin.initialPeersList.push_back(udp_locator("dds.peers", peer, 0));
   if (graph.dds.discovery == Discovery::server) set_server(graph.dds.server, discovery);
+  if (!graph.one_process)
+    set_own_addresses(graph, qos.wire_protocol().default_unicast_locator_list);
   return qos;
 }
 
@@ -159,11 +184,32 @@ struct Participant::Impl {
   dds::Subscriber* subscriber = nullptr;
   std::mutex mutex;
   std::map<std::string, dds::Topic*> topics;
+  std::jthread reconnection;
 
   ~Impl() {
     if (participant == nullptr) return;
+    reconnection = {};  // stopped
     participant->delete_contained_entities();
     dds::DomainParticipantFactory::get_instance()->delete_participant(participant);
+  }
+
+  // A participant that is made while its host is cut off joins the others when that is over.
+  void await_connection(const GraphDescription& graph) {
+    const auto cut_off = [hosts = graph] {
+      return std::ranges::any_of(interfaces(),
+                                 [&](const auto& one) { return is_cut_off(hosts, one); });
+    };
+    if (!cut_off()) return;
+    reconnection = std::jthread([this, cut_off](const std::stop_token& stop) {
+      std::mutex waiting;
+      std::condition_variable_any stopped;
+      std::unique_lock lock(waiting);
+      while (cut_off())
+        if (stopped.wait_for(lock, stop, kReconnectionPeriod, [] { return false; });
+            stop.stop_requested())
+          return;
+      participant->set_qos(participant->get_qos());  // looks at the interfaces anew
+    });
   }
 
   dds::Topic* topic(const std::string& name, std::string_view type) {
@@ -249,6 +295,7 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
                                                    qos, listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
+  if (!graph.one_process) impl_->await_connection(graph);
   dds::PublisherQos publisher;
   const std::string partition = partition_of(graph);
   publisher.partition().push_back(partition.c_str());

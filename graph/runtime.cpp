@@ -230,8 +230,7 @@ class StageRunner::Impl final : public StageHost {
     read(control_topic(graph_, "command"), "Command", {.depth = kCommandDepth},
          [this](const FrameHeader&, const Sample& sample) {
            const auto command = idl::decode<idl::Command>(*sample);
-           if (command.stage == node_.name && command.generation == options_.generation)
-             obey(command);
+           if (command.stage == node_.name) obey(command);
          });
     read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = 1},
          [this](const FrameHeader& header, const Sample& sample) { hear(header, *sample); });
@@ -309,9 +308,12 @@ class StageRunner::Impl final : public StageHost {
   // -- orders ------------------------------------------------------------------------------------
 
   void obey(const idl::Command& command) {
-    if (command.verb == verb::kDrain) draining_ = true;
-    if (command.verb == verb::kRelease) draining_ = false;
-    if (command.verb != verb::kActivate || !standby_) return;
+    if (options_.generation < command.generation) {
+      if (command.verb == verb::kDrain) draining_ = true;
+      if (command.verb == verb::kRelease) draining_ = false;
+    }
+    if (command.verb != verb::kActivate || command.generation != options_.generation || !standby_)
+      return;
     handover_ = Handover{};
     for (const auto& word : command.words)
       if (const auto handover = Handover::from_word(word);
@@ -378,6 +380,7 @@ class StageRunner::Impl final : public StageHost {
 
   // -- journal -----------------------------------------------------------------------------------
 
+  // What stands in it stays until there is something newer, also if this process dies at once.
   void open_journal() {
     if (options_.journal.empty()) return;
     journal_ = std::make_unique<Journal>(options_.journal);
@@ -385,8 +388,12 @@ class StageRunner::Impl final : public StageHost {
     if (const auto left = journal_->load(); follows_the_dead && left) {
       predecessor_ = *left;
       if (left->working) predecessor_.deaths = left->deaths + 1;
-      record_.taken = left->taken;
-      record_.account = left->account;
+      record_ = *left;
+      record_.working = false;
+    } else if (options_.standby) {
+      record_.epoch = handover_.next.epoch;
+      record_.taken = handover_.taken;
+      record_.account = handover_.account;
     }
     record_.generation = options_.generation;
     journal_->store(record_);

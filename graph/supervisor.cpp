@@ -128,6 +128,8 @@ std::size_t Supervisor::adopt() {
           return other.info.stage == process.info.stage && &other != &process &&
                  other.info.replica == process.info.replica;
         });
+  for (const auto& process : processes_)
+    if (process.info.candidate) allow_restart(process.info.stage, process.info.generation, false);
   return processes_.size();
 }
 
@@ -360,9 +362,9 @@ void Supervisor::promote(const std::string& stage, std::uint32_t generation) {
       process.info.candidate = false;
 }
 
-void Supervisor::allow_restart(const std::string& stage, std::uint32_t generation, bool allowed) {
+void Supervisor::allow_restart(const std::string& stage, std::uint32_t newcomer, bool allowed) {
   for (auto& process : processes_) {
-    if (process.info.stage != stage || process.info.generation != generation) continue;
+    if (process.info.stage != stage || process.info.generation >= newcomer) continue;
     const bool missed = allowed && !process.may_restart && !process.stopping &&
                         process.info.state == ProcessState::stopped;
     process.may_restart = allowed;
@@ -387,6 +389,19 @@ std::vector<idl::AgentProcess> Supervisor::processes() const {
   std::vector<idl::AgentProcess> result;
   for (const auto& process : processes_) result.push_back(process.info);
   return result;
+}
+
+bool Supervisor::any_retired(const std::string& stage) const {
+  return std::ranges::any_of(processes_, [&](const Process& process) {
+    return process.info.stage == stage && !process.may_restart && !process.stopping;
+  });
+}
+
+const GraphDescription& Supervisor::graph_of(const std::string& stage,
+                                             std::uint32_t generation) const {
+  for (const auto& process : processes_)
+    if (process.info.stage == stage && process.info.generation == generation) return process.graph;
+  throw Error("there is no process of stage '" + stage + "'");
 }
 
 std::uint32_t Supervisor::newest_generation(const std::string& stage) const {

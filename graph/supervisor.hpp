@@ -49,11 +49,11 @@ class Supervisor {
   void launch(const GraphDescription& graph, const std::string& stage, std::uint32_t replica,
               std::uint32_t generation = 0, bool candidate = false);
 
-  // A candidate becomes a process like the others.
+  // Candidates of this generation become processes like the others.
   void promote(const std::string& stage, std::uint32_t generation);
-  // Whether processes of this generation are started again when they die; those that died while it
-  // was not allowed are, when it is allowed again.
-  void allow_restart(const std::string& stage, std::uint32_t generation, bool allowed);
+  // Whether processes of generations before `newcomer` are started again when they die; those that
+  // died while it was not allowed are, when it is allowed again.
+  void allow_restart(const std::string& stage, std::uint32_t newcomer, bool allowed);
 
   // Asks the processes of a stage to end (of one generation, or all), kills them if they do not;
   // attend() sees it through. False if there are none.
@@ -68,6 +68,10 @@ class Supervisor {
   std::vector<idl::AgentProcess> attend(std::chrono::milliseconds patience, int wake = -1);
 
   std::vector<idl::AgentProcess> processes() const;
+  // Whether one is not to be started again for the time being.
+  bool any_retired(const std::string& stage) const;
+  // As what it was started. Throws Error if there is none such.
+  const GraphDescription& graph_of(const std::string& stage, std::uint32_t generation) const;
   // The newest of this stage that was ever started here.
   std::uint32_t newest_generation(const std::string& stage) const;
 

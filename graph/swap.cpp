@@ -44,19 +44,37 @@ StreamPosition settled(const GraphView& view) {
   return newest;
 }
 
+using Known = std::pair<idl::FrameHeader, idl::StageStatus>;
+
+const Known* known(const GraphView& view, const ProcessKey& key) {
+  const auto found = view.statuses.find(key);
+  return found == view.statuses.end() ? nullptr : &found->second;
+}
+
+// The process that the newcomer follows; none if it has ended.
+std::optional<ProcessKey> predecessor(const GraphView& view, const ProcessKey& newcomer) {
+  const auto& [stage, replica, generation] = newcomer;
+  std::optional<ProcessKey> newest;
+  for (const auto& [key, process] : view.processes)
+    if (std::get<0>(key) == stage && std::get<1>(key) == replica && key < newcomer &&
+        process.state == ProcessState::running)
+      newest = key;
+  return newest;
+}
+
 }  // namespace
 
 Swap::Swap(SwapRequest request, Clock::time_point now)
     : request_(std::move(request)), began_(now), entered_(now) {
-  // A process that is started again would bear the generation of the newcomer.
-  to_agents(request_.old_hosts, verb::kRetire, request_.old_generation);
+  // A process that is started again might bear the generation of the newcomer.
+  order_agents(request_.old_hosts, verb::kRetire);
   const std::string yaml = to_yaml(request_.graph);
   const auto& hosts = request_.new_hosts;
   for (const auto& host : std::set<std::string>(hosts.begin(), hosts.end())) {
     std::vector<std::string> words{yaml};
     for (std::size_t r = 0; r < hosts.size(); ++r)
       if (hosts[r] == host) words.push_back(std::to_string(r));
-    orders_.push_back(to_agent(host, verb::kLaunch, request_.new_generation, std::move(words)));
+    order(verb::kLaunch, std::move(words), host);
   }
 }
 
@@ -78,58 +96,44 @@ std::string Swap::activity() const {
   return "";
 }
 
-idl::Command Swap::to_agent(const std::string& host, std::string_view verb,
-                            std::uint32_t generation, std::vector<std::string> words) const {
-  // An agent is meant: the name of its host is given even where it is empty.
-  return {.id = random_id(),
-          .host = host,
-          .stage = request_.stage,
-          .generation = generation,
-          .verb = std::string(verb),
-          .words = std::move(words)};
+// To the agent of `host`, or to stages.
+void Swap::order(std::string_view verb, std::vector<std::string> words, const std::string& host) {
+  orders_.push_back({.id = random_id(),
+                     .host = host,
+                     .stage = request_.stage,
+                     .generation = request_.new_generation,
+                     .verb = std::string(verb),
+                     .words = std::move(words)});
 }
 
-idl::Command Swap::to_stage(std::string_view verb, std::uint32_t generation,
-                            std::vector<std::string> words) const {
-  return to_agent("", verb, generation, std::move(words));
+void Swap::order_agents(const std::vector<std::string>& hosts, std::string_view verb) {
+  for (const auto& host : std::set<std::string>(hosts.begin(), hosts.end())) order(verb, {}, host);
 }
 
-void Swap::to_agents(const std::vector<std::string>& hosts, std::string_view verb,
-                     std::uint32_t generation) {
-  for (const auto& host : std::set<std::string>(hosts.begin(), hosts.end()))
-    orders_.push_back(to_agent(host, verb, generation));
-}
-
-const idl::StageStatus* Swap::status(const GraphView& view, std::uint32_t generation,
-                                     std::uint32_t replica) const {
-  const auto found = view.statuses.find({request_.stage, replica, generation});
-  return found == view.statuses.end() ? nullptr : &found->second.second;
+ProcessKey Swap::newcomer(std::uint32_t replica) const {
+  return {request_.stage, replica, request_.new_generation};
 }
 
 // Why the newcomer will not do, or nothing.
 std::string Swap::newcomer_fault(const GraphView& view) const {
   for (std::uint32_t r = 0; r < replicas(); ++r) {
-    const auto process = view.processes.find({request_.stage, r, request_.new_generation});
+    const auto process = view.processes.find(newcomer(r));
     if (process != view.processes.end() && (process->second.state == ProcessState::failed ||
                                             process->second.state == ProcessState::stopped))
       return "the newcomer " + (process->second.text.empty() ? "ended" : process->second.text);
-    const auto* seen = status(view, request_.new_generation, r);
-    if (seen != nullptr && seen->state == State::failed)
-      return "the newcomer failed: " + seen->activity;
-    const auto* old = status(view, request_.old_generation, r);
-    if (seen != nullptr && old != nullptr && !old->recipe.empty() && !seen->recipe.empty() &&
-        seen->recipe != old->recipe)
-      return "what " + request_.stage + " gives would be made as [" + seen->recipe +
-             "] instead of [" + old->recipe +
+    const Known* seen = known(view, newcomer(r));
+    if (seen == nullptr) continue;
+    if (seen->second.state == State::failed) return "the newcomer failed: " + seen->second.activity;
+    const auto old_key = predecessor(view, newcomer(r));
+    const Known* old = old_key ? known(view, *old_key) : nullptr;
+    if (old != nullptr && !old->second.recipe.empty() && !seen->second.recipe.empty() &&
+        seen->second.recipe != old->second.recipe)
+      return "what " + request_.stage + " gives would be made as [" + seen->second.recipe +
+             "] instead of [" + old->second.recipe +
              "], which the running model and the other stages do not fit: train a model for it, "
              "and start the graph with that";
   }
   return "";
-}
-
-bool Swap::old_is_gone(const GraphView& view, std::uint32_t replica) const {
-  const auto process = view.processes.find({request_.stage, replica, request_.old_generation});
-  return process == view.processes.end() || process->second.state != ProcessState::running;
 }
 
 void Swap::enter(Phase phase, Clock::time_point now) {
@@ -140,10 +144,9 @@ void Swap::enter(Phase phase, Clock::time_point now) {
 
 void Swap::give_up(const std::string& why, Clock::time_point now) {
   why_ = why;
-  if (phase_ != Phase::launching)
-    orders_.push_back(to_stage(verb::kRelease, request_.old_generation));
-  to_agents(request_.new_hosts, verb::kDismiss, request_.new_generation);
-  to_agents(request_.old_hosts, verb::kKeep, request_.old_generation);
+  if (phase_ != Phase::launching) order(verb::kRelease);
+  order_agents(request_.new_hosts, verb::kDismiss);
+  order_agents(request_.old_hosts, verb::kKeep);
   enter(Phase::failed, now);
 }
 
@@ -153,57 +156,57 @@ void Swap::await_readiness(const GraphView& view) {
   std::string lacks;
   bool ready = true;
   for (std::uint32_t r = 0; r < replicas(); ++r) {
-    const auto* seen = status(view, request_.new_generation, r);
-    if (seen != nullptr && seen->state == State::standby) continue;
+    const Known* seen = known(view, newcomer(r));
+    if (seen != nullptr && seen->second.state == State::standby) continue;
     ready = false;
-    lacks = seen == nullptr ? "its agent has not started it" : seen->activity;
+    lacks = seen == nullptr ? "its agent has not started it" : seen->second.activity;
   }
   if (!ready && view.now - entered_ > kReadyPatience)
     return give_up("the newcomer did not get ready: " + lacks, view.now);
   if (!ready) return;
   if (request_.dry_run) {
-    to_agents(request_.new_hosts, verb::kDismiss, request_.new_generation);
-    to_agents(request_.old_hosts, verb::kKeep, request_.old_generation);
+    order_agents(request_.new_hosts, verb::kDismiss);
+    order_agents(request_.old_hosts, verb::kKeep);
     return enter(Phase::done, view.now);
   }
   for (std::uint32_t r = 0; r < replicas(); ++r)
-    if (const auto* old = status(view, request_.old_generation, r);
-        old != nullptr && old->state == State::finished)
+    if (const auto old = predecessor(view, newcomer(r));
+        old && known(view, *old) != nullptr && known(view, *old)->second.state == State::finished)
       return give_up("the stream is over", view.now);
   first_ = admission(view);
   drained_at_ = view.now;
-  orders_.push_back(to_stage(verb::kDrain, request_.old_generation));
+  order(verb::kDrain);
   enter(Phase::draining, view.now);
 }
 
 void Swap::await_drain(const GraphView& view) {
   if (const std::string fault = newcomer_fault(view); !fault.empty())
     return give_up(fault, view.now);
-  handovers_.clear();
+  std::vector<std::string> handovers;
   std::string busy;
   for (std::uint32_t r = 0; r < replicas(); ++r) {
     Handover handover{.replica = r};
-    const auto known = view.statuses.find({request_.stage, r, request_.old_generation});
-    if (known != view.statuses.end() && known->second.second.state == State::drained) {
-      const auto& [header, status] = known->second;
-      handover.next = {header.epoch, status.next};
-      handover.taken = status.next;
-      handover.account = status.account;
-    } else if (!old_is_gone(view, r)) {
-      busy = known == view.statuses.end() ? "" : known->second.first.name;
-      if (busy.empty()) busy = "a frame";
-      continue;
+    if (const auto old = predecessor(view, newcomer(r))) {
+      const Known* seen = known(view, *old);
+      if (seen == nullptr || seen->second.state != State::drained) {
+        busy = seen == nullptr || seen->first.name.empty() ? "a frame" : seen->first.name;
+        continue;
+      }
+      handover.next = {seen->first.epoch, seen->second.next};
+      handover.taken = seen->second.next;
+      handover.account = seen->second.account;
+    } else if (request_.stage == view.source) {
+      // How far it had come, only the one that is started again after it can tell.
+      return give_up("the old one ended", view.now);
     }
-    handovers_.push_back(handover);
+    handovers.push_back(handover.to_word());
   }
-  if (handovers_.size() < replicas()) {
+  if (handovers.size() < replicas()) {
     if (view.now - entered_ > std::chrono::duration<double>(request_.graph.deadline))
       give_up("the old one is still busy with " + busy, view.now);
     return;
   }
-  std::vector<std::string> words;
-  for (const auto& handover : handovers_) words.push_back(handover.to_word());
-  orders_.push_back(to_stage(verb::kActivate, request_.new_generation, std::move(words)));
+  order(verb::kActivate, std::move(handovers));
   enter(Phase::activating, view.now);
 }
 
@@ -211,8 +214,8 @@ void Swap::await_activation(const GraphView& view) {
   if (const std::string fault = newcomer_fault(view); !fault.empty())
     return give_up(fault, view.now);
   for (std::uint32_t r = 0; r < replicas(); ++r) {
-    const auto* seen = status(view, request_.new_generation, r);
-    if (seen != nullptr && !seen->candidate) continue;
+    const Known* seen = known(view, newcomer(r));
+    if (seen != nullptr && !seen->second.candidate) continue;
     if (view.now - entered_ > kActivePatience)
       give_up("the newcomer does not take its place", view.now);
     return;
@@ -229,8 +232,9 @@ void Swap::await_settlement(const GraphView& view) {
   const bool settled =
       over.epoch > last_.epoch || (over.epoch == last_.epoch && over.sequence >= last_.sequence);
   if (!settled && view.now - entered_ < kSettlePatience) return;
-  to_agents(request_.new_hosts, verb::kPromote, request_.new_generation);
-  to_agents(request_.old_hosts, verb::kDismiss, request_.old_generation);
+  std::vector<std::string> hosts = request_.new_hosts;
+  hosts.insert(hosts.end(), request_.old_hosts.begin(), request_.old_hosts.end());
+  order_agents(hosts, verb::kReplace);
   enter(Phase::done, view.now);
 }
 
@@ -296,6 +300,60 @@ SwapReport Swap::report(const std::deque<FrameReport>& frames) const {
     report.usual_ms = std::max(report.usual_ms, *middle);
   }
   return report;
+}
+
+std::vector<idl::Command> end_leftover_swap(const GraphView& view, const std::string& stage,
+                                            const std::string& host) {
+  // The newest process of every replica is the newcomer, if there are two, or if it stands by.
+  std::map<std::uint32_t, ProcessKey> newest;
+  std::uint32_t newcomer = 0;
+  for (const auto& [key, process] : view.processes) {
+    if (std::get<0>(key) != stage || process.state != ProcessState::running) continue;
+    const Known* seen = known(view, key);
+    if (newest.contains(std::get<1>(key)) || (seen != nullptr && seen->second.candidate))
+      newcomer = std::max(newcomer, std::get<2>(key));
+    newest[std::get<1>(key)] = key;
+  }
+  std::vector<idl::Command> orders;
+  const auto order = [&](std::string_view verb, std::uint32_t generation) {
+    const bool to_stage = verb == verb::kDrain || verb == verb::kRelease || verb == verb::kActivate;
+    orders.push_back({.id = random_id(),
+                      .host = to_stage ? "" : host,
+                      .stage = stage,
+                      .generation = generation,
+                      .verb = std::string(verb)});
+  };
+  const auto is_here = [&](const ProcessKey& key) {
+    const auto found = view.hosts.find(key);
+    return found != view.hosts.end() && found->second == host;
+  };
+  if (newcomer == 0) {
+    // The old ones are alone: they may still hold, or not be started again.
+    for (const auto& [replica, key] : newest)
+      if (is_here(key)) {
+        order(verb::kRelease, std::get<2>(key) + 1);
+        order(verb::kKeep, std::get<2>(key) + 1);
+      }
+    return orders;
+  }
+  bool has_taken_over = false;
+  bool is_alone = true;
+  for (const auto& [key, process] : view.processes) {
+    if (std::get<0>(key) != stage || process.state != ProcessState::running) continue;
+    if (std::get<2>(key) < newcomer) is_alone = false;
+    const Known* seen = known(view, key);
+    if (std::get<2>(key) == newcomer && seen != nullptr && !seen->second.candidate)
+      has_taken_over = true;
+  }
+  if (has_taken_over || is_alone) {
+    order(verb::kActivate, newcomer);
+    order(verb::kReplace, newcomer);
+  } else {
+    order(verb::kRelease, newcomer);
+    order(verb::kDismiss, newcomer);
+    order(verb::kKeep, newcomer);
+  }
+  return orders;
 }
 
 }  // namespace cosegraph::graph

@@ -33,6 +33,7 @@ struct GraphView {
   std::chrono::steady_clock::time_point now;
   std::map<ProcessKey, std::pair<idl::FrameHeader, idl::StageStatus>> statuses;
   std::map<ProcessKey, idl::AgentProcess> processes;  // of all agents
+  std::map<ProcessKey, std::string> hosts;            // of the processes
   std::string source;                                 // stage that admits frames
 };
 
@@ -86,19 +87,14 @@ class Swap {
   using Clock = std::chrono::steady_clock;
   enum class Phase { launching, draining, activating, settling, done, failed };
 
-  const idl::StageStatus* status(const GraphView& view, std::uint32_t generation,
-                                 std::uint32_t replica) const;
   std::string newcomer_fault(const GraphView& view) const;
-  bool old_is_gone(const GraphView& view, std::uint32_t replica) const;
   std::uint32_t replicas() const { return static_cast<std::uint32_t>(request_.new_hosts.size()); }
   void enter(Phase phase, Clock::time_point now);
   void give_up(const std::string& why, Clock::time_point now);
-  idl::Command to_agent(const std::string& host, std::string_view verb, std::uint32_t generation,
-                        std::vector<std::string> words = {}) const;
-  idl::Command to_stage(std::string_view verb, std::uint32_t generation,
-                        std::vector<std::string> words = {}) const;
-  void to_agents(const std::vector<std::string>& hosts, std::string_view verb,
-                 std::uint32_t generation);
+  ProcessKey newcomer(std::uint32_t replica) const;
+  void order(std::string_view verb, std::vector<std::string> words = {},
+             const std::string& host = "");
+  void order_agents(const std::vector<std::string>& hosts, std::string_view verb);
 
   void await_readiness(const GraphView& view);
   void await_drain(const GraphView& view);
@@ -112,19 +108,24 @@ class Swap {
   Clock::time_point drained_at_{};
   Clock::time_point ended_{};
   std::vector<idl::Command> orders_;
-  std::vector<Handover> handovers_;
   StreamPosition first_{};  // admission, when it began
   StreamPosition last_{};   // and when the newcomer was at work
   std::string why_;
 };
 
-// Orders to agents.
+// What the agent of `host` is to do about `stage` where a swap has been left unfinished: nobody
+// leads it any more. Has a newcomer taken its place, it replaces what was before it; otherwise it
+// goes, unless nothing else is left of the stage. Empty if all is as it should be.
+std::vector<idl::Command> end_leftover_swap(const GraphView& view, const std::string& stage,
+                                            const std::string& host);
+
+// Orders to agents; `generation` is that of the newcomer, as for stages (see control.hpp).
 namespace verb {
+constexpr std::string_view kRetire = "retire";    // do not start its predecessors again
 constexpr std::string_view kLaunch = "launch";    // words: graph as YAML, then replicas
-constexpr std::string_view kPromote = "promote";  // candidates of a generation are regular now
-constexpr std::string_view kDismiss = "dismiss";  // stop a generation and forget it
-constexpr std::string_view kRetire = "retire";    // do not start a generation again
-constexpr std::string_view kKeep = "keep";        // after kRetire: do so again
+constexpr std::string_view kReplace = "replace";  // it stays, its predecessors go
+constexpr std::string_view kDismiss = "dismiss";  // it goes
+constexpr std::string_view kKeep = "keep";        // after kRetire: start its predecessors again
 constexpr std::string_view kGraph = "graph";      // words: the graph as it is now, as YAML
 constexpr std::string_view kStart = "start";      // people's orders, as the following
 constexpr std::string_view kStop = "stop";

@@ -681,13 +681,15 @@ Reply take(msg::Reply& message) {
 template <>
 struct MessageOf<AgentStatus> {
   using Type = msg::AgentStatus;
-  static constexpr std::string_view kLayout = "ss4[s4441s4s]";
+  static constexpr std::string_view kLayout = "ss4[s4441s4s]s4";
 };
 
 void fill(msg::AgentStatus& message, const AgentStatus& value) {
   message.host(value.host);
   message.address(value.address);
   message.pid(value.pid);
+  message.swapping(value.swapping);
+  message.newcomer(value.newcomer);
   for (const auto& process : value.processes) {
     msg::AgentProcess& out = message.processes().emplace_back();
     out.stage(process.stage);
@@ -704,7 +706,9 @@ void fill(msg::AgentStatus& message, const AgentStatus& value) {
 AgentStatus take(msg::AgentStatus& message) {
   AgentStatus value{.host = std::move(message.host()),
                     .address = std::move(message.address()),
-                    .pid = message.pid()};
+                    .pid = message.pid(),
+                    .swapping = std::move(message.swapping()),
+                    .newcomer = message.newcomer()};
   for (auto& process : message.processes())
     value.processes.push_back({.stage = std::move(process.stage()),
                                .replica = process.replica(),

@@ -142,6 +142,8 @@ struct AgentStatus {
   std::string address;
   std::uint32_t pid = 0;
   std::vector<AgentProcess> processes;
+  std::string swapping;        // the stage whose swap it leads; empty: none
+  std::uint32_t newcomer = 0;  // generation in that swap
 };
 
 struct LogLines {

@@ -73,10 +73,10 @@ class SwapTest : public testing::Test {
 
 TEST_F(SwapTest, GoesFromLaunchToDismissalInOrder) {
   Swap swap(request(), view_.now);
-  EXPECT_THAT(step(swap), ElementsAre("retire 3 at robot", "launch 4 at rack"));
+  EXPECT_THAT(step(swap), ElementsAre("retire 4 at robot", "launch 4 at rack"));
   EXPECT_THAT(step(swap), IsEmpty()) << "until the newcomer is ready";
   newcomer_is_ready();
-  EXPECT_THAT(step(swap), ElementsAre("drain 3"));
+  EXPECT_THAT(step(swap), ElementsAre("drain 4"));
   EXPECT_THAT(step(swap), IsEmpty()) << "until the old one is drained";
   old_is_drained();
   EXPECT_THAT(step(swap), ElementsAre("activate 4"));
@@ -86,7 +86,7 @@ TEST_F(SwapTest, GoesFromLaunchToDismissalInOrder) {
   status("cpc", 4, State::waiting, false);
   EXPECT_THAT(step(swap), IsEmpty()) << "until the frames of the old one are over";
   view_.statuses.at({"camera", 0, 0}).second.settled = 43;
-  EXPECT_THAT(step(swap), ElementsAre("promote 4 at rack", "dismiss 3 at robot"));
+  EXPECT_THAT(step(swap), ElementsAre("replace 4 at rack", "replace 4 at robot"));
   EXPECT_TRUE(swap.succeeded());
 }
 
@@ -94,7 +94,7 @@ TEST_F(SwapTest, NewcomerThatDiesChangesNothing) {
   Swap swap(request(), view_.now);
   step(swap);
   process("cpc", 4, ProcessState::failed);
-  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
+  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 4 at robot"));
   EXPECT_TRUE(swap.finished());
   EXPECT_FALSE(swap.succeeded());
   EXPECT_THAT(swap.report({}).text, HasSubstr("the newcomer was killed"));
@@ -105,7 +105,7 @@ TEST_F(SwapTest, NewcomerThatIsNeverReadySaysWhatItLacks) {
   step(swap);
   process("cpc", 4, ProcessState::running);
   status("cpc", 4, State::starting, true).activity = "nobody feeds input 'cloud'";
-  EXPECT_THAT(step(swap, 21s), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
+  EXPECT_THAT(step(swap, 21s), ElementsAre("dismiss 4 at rack", "keep 4 at robot"));
   EXPECT_THAT(swap.report({}).text, HasSubstr("nobody feeds input 'cloud'"));
 }
 
@@ -117,7 +117,7 @@ TEST_F(SwapTest, OldOneIsReleasedIfTheNewcomerDiesAfterTheDrain) {
   old_is_drained();
   step(swap);
   process("cpc", 4, ProcessState::failed);
-  EXPECT_THAT(step(swap), ElementsAre("release 3", "dismiss 4 at rack", "keep 3 at robot"));
+  EXPECT_THAT(step(swap), ElementsAre("release 4", "dismiss 4 at rack", "keep 4 at robot"));
   EXPECT_FALSE(swap.succeeded());
 }
 
@@ -126,7 +126,7 @@ TEST_F(SwapTest, OldOneThatStaysBusyIsReleased) {
   step(swap);
   newcomer_is_ready();
   step(swap);
-  EXPECT_THAT(step(swap, 31s), ElementsAre("release 3", "dismiss 4 at rack", "keep 3 at robot"));
+  EXPECT_THAT(step(swap, 31s), ElementsAre("release 4", "dismiss 4 at rack", "keep 4 at robot"));
   EXPECT_THAT(swap.report({}).text, HasSubstr("still busy"));
 }
 
@@ -140,11 +140,38 @@ TEST_F(SwapTest, DeathOfTheOldOneInItsDrainLeavesAllToTheNewcomer) {
   EXPECT_EQ(Handover::from_word(commands_[0].words.at(0))->next, StreamPosition{});
 }
 
+// How far a source has come, nobody else can tell.
+TEST_F(SwapTest, SourceThatDiesInItsDrainIsStartedAgain) {
+  view_.source = "cpc";
+  Swap swap(request(), view_.now);
+  step(swap);
+  newcomer_is_ready();
+  step(swap);
+  process("cpc", 3, ProcessState::stopped);
+  EXPECT_THAT(step(swap), ElementsAre("release 4", "dismiss 4 at rack", "keep 4 at robot"));
+}
+
+// Processes that were started again count up by themselves.
+TEST_F(SwapTest, PredecessorsMayBeOfAnyGeneration) {
+  view_.processes.clear();
+  view_.statuses.erase({"cpc", 0, 3});
+  status("cpc", 1, State::waiting);
+  process("cpc", 1, ProcessState::running);
+  Swap swap(request(), view_.now);
+  step(swap);
+  newcomer_is_ready();
+  EXPECT_THAT(step(swap), ElementsAre("drain 4"));
+  EXPECT_THAT(step(swap), IsEmpty()) << "it is not drained yet";
+  status("cpc", 1, State::drained).next = 42;
+  EXPECT_THAT(step(swap), ElementsAre("activate 4"));
+  EXPECT_EQ(Handover::from_word(commands_[0].words.at(0))->next.sequence, 42U);
+}
+
 TEST_F(SwapTest, DryRunEndsWhenTheNewcomerIsReady) {
   Swap swap(request(true), view_.now);
   step(swap);
   newcomer_is_ready();
-  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
+  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 4 at robot"));
   EXPECT_TRUE(swap.succeeded());
 }
 
@@ -154,7 +181,7 @@ TEST_F(SwapTest, AnotherRecipeIsRefused) {
   step(swap);
   newcomer_is_ready();
   view_.statuses.at({"cpc", 0, 4}).second.recipe = "radius=2";
-  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 3 at robot"));
+  EXPECT_THAT(step(swap), ElementsAre("dismiss 4 at rack", "keep 4 at robot"));
   EXPECT_THAT(swap.report({}).text, HasSubstr("[radius=2] instead of [radius=1]"));
 }
 
@@ -188,6 +215,59 @@ TEST_F(SwapTest, ReportCountsWhatIsLostAndDoubledAndTheLongestPause) {
   EXPECT_EQ(report.doubled, 1U);
   EXPECT_NEAR(report.pause_ms, 100.0, 1e-6);
   EXPECT_NEAR(report.usual_ms, 10.0, 1e-6);
+}
+
+// Three hosts with a replica each, whose processes have died a different number of times.
+class LeftoverSwap : public testing::Test {
+ protected:
+  void process(std::uint32_t replica, std::uint32_t generation, bool candidate) {
+    const ProcessKey key{"left", replica, generation};
+    view_.processes[key] = {.stage = "left",
+                            .replica = replica,
+                            .generation = generation,
+                            .pid = 1,
+                            .state = ProcessState::running};
+    view_.hosts[key] = "host" + std::to_string(replica);
+    view_.statuses[key].second.candidate = candidate;
+  }
+  std::vector<std::string> orders(const std::string& host) const {
+    std::vector<std::string> result;
+    for (const auto& command : end_leftover_swap(view_, "left", host))
+      result.push_back(command.verb + " " + std::to_string(command.generation) +
+                       (command.host.empty() ? "" : " at " + command.host));
+    return result;
+  }
+  GraphView view_;
+};
+
+TEST_F(LeftoverSwap, NewcomersThatStillStandByGo) {
+  process(0, 3, false);
+  process(0, 4, true);
+  process(1, 1, false);
+  process(1, 4, true);
+  for (const std::string host : {"host0", "host1"})
+    EXPECT_THAT(orders(host),
+                ElementsAre("release 4", "dismiss 4 at " + host, "keep 4 at " + host));
+}
+
+TEST_F(LeftoverSwap, NewcomersReplaceTheOldOnesOnceOneHasTakenItsPlace) {
+  process(0, 3, false);
+  process(0, 4, true);
+  process(1, 1, false);
+  process(1, 4, false);
+  for (const std::string host : {"host0", "host1"})
+    EXPECT_THAT(orders(host), ElementsAre("activate 4", "replace 4 at " + host));
+}
+
+TEST_F(LeftoverSwap, NewcomerIsKeptWhereNothingElseIsLeft) {
+  process(0, 4, true);
+  EXPECT_THAT(orders("host0"), ElementsAre("activate 4", "replace 4 at host0"));
+}
+
+TEST_F(LeftoverSwap, OldOnesGoOnWhereTheNewcomerIsGone) {
+  process(0, 3, false);
+  EXPECT_THAT(orders("host0"), ElementsAre("release 4", "keep 4 at host0"));
+  EXPECT_THAT(orders("host1"), IsEmpty());
 }
 
 }  // namespace

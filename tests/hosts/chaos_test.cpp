@@ -63,8 +63,10 @@ class Chaos {
     const auto kill_period = std::chrono::milliseconds(10L * frames_ / (kills + 1));
     const auto swap_period = std::chrono::milliseconds(10L * frames_ / (swaps + 1));
     const auto limit = begin + 60s + 60ms * frames_;
+    began_ = begin;
     int written = -1;
     auto changed = begin;
+    bool told = false;
     while (Clock::now() < limit) {
       std::this_thread::sleep_for(20ms);
       const auto now = Clock::now();
@@ -81,6 +83,13 @@ class Chaos {
       if (const int count = graph_.written(); count != written) {
         written = count;
         changed = now;
+        if (told) tell("goes on at " + std::to_string(written));
+        told = false;
+      }
+      if (!told && now - changed > 3s) {
+        tell("stalls at " + std::to_string(written));
+        std::clog << lab_.host(0).run({"cosegraph", "ps", graph_.file(), "--edges"}).output;
+        told = true;
       }
       // All that can come out has: the rest failed, and the account tells so.
       if (kills_ >= kills && (written >= frames_ || now - changed > 5s) && is_over()) break;
@@ -141,24 +150,29 @@ class Chaos {
     if (dice < 2) {
       const auto host = random_.below(kHosts.size());
       ++agent_kills_;
+      tell("kill agent " + std::string(kHosts[host]));
       agents_[host]->signal(SIGKILL);
     } else if (dice < 4 && !cut_) {
       ++cuts_;
       cut_ = static_cast<int>(random_.below(kHosts.size()));
       lab_.host(*cut_).cut();
+      tell("cut " + std::string(kHosts.at(static_cast<std::size_t>(*cut_))));
       restore_at_ = Clock::now() + std::chrono::milliseconds(300 + random_.below(1500));
     } else {
       const std::string stage = kStages.at(random_.below(kStages.size()));
       const auto pids = graph_.pids("--stage " + stage + " ");
       if (pids.empty()) return;
       if (stage == "numbers") ++source_kills_;
-      ::kill(pids[random_.below(pids.size())], SIGKILL);
+      const pid_t pid = pids[random_.below(pids.size())];
+      tell("kill " + stage + " " + std::to_string(pid));
+      ::kill(pid, SIGKILL);
     }
   }
 
   void mend(bool all = false) {
     if (cut_ && (all || Clock::now() >= restore_at_)) {
       lab_.host(*cut_).restore();
+      tell("restore");
       cut_.reset();
     }
     for (int i = 0; i < lab_.size(); ++i)
@@ -171,13 +185,21 @@ class Chaos {
     std::vector<std::string> words{"cosegraph", "swap", stage, "--graph", graph_.file(), "--json"};
     if (stage == "left")
       words.insert(words.end(), {"--param", swaps_ % 2 == 1 ? "value=10" : "value=1"});
+    tell("swap " + stage);
     swap_.emplace(lab_.host(0).start(words));
+  }
+
+  // What happened when: to be read where a run ends badly.
+  void tell(const std::string& what) const {
+    std::clog << std::chrono::duration<double>(Clock::now() - began_).count() << " s: " << what
+              << "\n";
   }
 
   // A swap may fail where processes die; what it reports must be right.
   void count_swap() {
     if (!swap_) return;
     const auto report = nlohmann::json::parse(swap_->output(), nullptr, false);
+    tell("swapped: " + swap_->output());
     swap_.reset();
     if (report.is_discarded() || !report.contains("lost")) return;
     ++swaps_done_;
@@ -199,6 +221,7 @@ class Chaos {
   }
 
   int frames_;
+  Clock::time_point began_ = Clock::now();
   Random random_;
   Lab lab_;
   ToyGraph graph_;

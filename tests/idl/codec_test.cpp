@@ -336,11 +336,15 @@ TEST(Codec, OrdersAndReportsOfAgentsSurvive) {
                                                                   .pid = 6,
                                                                   .state = ProcessState::restarting,
                                                                   .restarts = 3,
-                                                                  .text = "was killed"}}});
+                                                                  .text = "was killed"}},
+                                                   .swapping = "svm",
+                                                   .newcomer = 7});
   ASSERT_EQ(agent.processes.size(), 1U);
   EXPECT_EQ(agent.processes[0].replica, 1U);
   EXPECT_EQ(agent.processes[0].state, ProcessState::restarting);
   EXPECT_EQ(agent.processes[0].text, "was killed");
+  EXPECT_EQ(agent.swapping, "svm");
+  EXPECT_EQ(agent.newcomer, 7U);
   const LogLines log = round_trip(LogLines{.host = "h", .stage = "s", .lines = {"one", "two"}});
   EXPECT_THAT(log.lines, testing::ElementsAre("one", "two"));
 }

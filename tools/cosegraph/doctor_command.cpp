@@ -1,8 +1,6 @@
 // Whether this machine can run a graph: what is wrong, and what to do about it.
 #include <arpa/inet.h>
 #include <fcntl.h>
-#include <ifaddrs.h>
-#include <net/if.h>
 #include <netinet/in.h>
 #include <spawn.h>
 #include <sys/socket.h>
@@ -24,6 +22,7 @@
 #include <thread>
 
 #include "graph/figures.hpp"
+#include "graph/interfaces.hpp"
 #include "graph/runs.hpp"
 #include "io/file.hpp"
 #include "tools/cosegraph/commands.hpp"
@@ -186,37 +185,9 @@ void check_buffers(Report& report) {
   }
 }
 
-struct Interface {
-  std::string name;
-  in_addr address{};
-  bool multicast = false;
-  bool loopback = false;
-
-  std::string text() const {
-    char buffer[INET_ADDRSTRLEN] = {};
-    ::inet_ntop(AF_INET, &address, buffer, sizeof buffer);
-    return buffer;
-  }
-};
-
-std::vector<Interface> interfaces() {
-  std::vector<Interface> result;
-  ifaddrs* all = nullptr;
-  if (::getifaddrs(&all) != 0) return result;
-  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
-    if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
-    if ((one->ifa_flags & IFF_UP) == 0U) continue;
-    result.push_back({.name = one->ifa_name,
-                      .address = reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr,
-                      .multicast = (one->ifa_flags & IFF_MULTICAST) != 0U,
-                      .loopback = (one->ifa_flags & IFF_LOOPBACK) != 0U});
-  }
-  ::freeifaddrs(all);
-  return result;
-}
-
-// Sends itself a packet by DDS's multicast address over one interface. Empty if it arrived.
-std::string multicast_fault(const Interface& interface) {
+// Sends itself a packet by DDS's multicast address over the interface with this address. Empty if
+// it arrived.
+std::string multicast_fault(const std::string& address) {
   const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   const std::unique_ptr<const int, void (*)(const int*)> closer(&socket,
                                                                 [](const int* s) { ::close(*s); });
@@ -226,14 +197,14 @@ std::string multicast_fault(const Interface& interface) {
   const timeval patience{1, 0};
   ip_mreq group{};
   ::inet_pton(AF_INET, "239.255.0.1", &group.imr_multiaddr);
-  group.imr_interface = interface.address;
+  ::inet_pton(AF_INET, address.c_str(), &group.imr_interface);
   if (::bind(socket, reinterpret_cast<sockaddr*>(&here), sizeof here) != 0 ||
       ::getsockname(socket, reinterpret_cast<sockaddr*>(&here), &size) != 0 ||
       ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0)
     return std::string("no socket: ") + std::strerror(errno);
   if (::setsockopt(socket, IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0 ||
-      ::setsockopt(socket, IPPROTO_IP, IP_MULTICAST_IF, &interface.address,
-                   sizeof interface.address) != 0)
+      ::setsockopt(socket, IPPROTO_IP, IP_MULTICAST_IF, &group.imr_interface,
+                   sizeof group.imr_interface) != 0)
     return std::string("239.255.0.1 cannot be joined: ") + std::strerror(errno);
   sockaddr_in there = here;
   there.sin_addr = group.imr_multiaddr;
@@ -251,11 +222,12 @@ void check_network(Report& report, const graph::GraphDescription* graph) {
       "let UDP multicast and ports 7400 to 7700 through, or name the hosts in the graph file: "
       "dds: {discovery: {peers: [...]}}";
   std::size_t usable = 0;
-  for (const auto& interface : interfaces()) {
-    const std::string name = interface.name + " " + interface.text();
+  for (const auto& interface : graph::interfaces()) {
+    const std::string name = interface.name + " " + interface.address;
     if (interface.loopback) continue;
-    const std::string fault =
-        interface.multicast ? multicast_fault(interface) : "it has no multicast";
+    const std::string fault = !interface.connected   ? "it is not connected"
+                              : !interface.multicast ? "it has no multicast"
+                                                     : multicast_fault(interface.address);
     if (fault.empty()) {
       ++usable;
       report.fine("discovery", name + ": multicast works here");
@@ -268,8 +240,7 @@ void check_network(Report& report, const graph::GraphDescription* graph) {
 }
 
 void check_hosts(Report& report, const graph::GraphDescription& graph) {
-  std::vector<std::string> mine;
-  for (const auto& interface : interfaces()) mine.push_back(interface.text());
+  const auto mine = graph::interfaces();
   for (const auto& host : graph.hosts) {
     in_addr address{};
     if (::inet_pton(AF_INET, host.address.c_str(), &address) != 1) {
@@ -277,7 +248,8 @@ void check_hosts(Report& report, const graph::GraphDescription& graph) {
                   "names must mean the same on every host");
       continue;
     }
-    const bool here = std::ranges::find(mine, host.address) != mine.end();
+    const bool here =
+        std::ranges::find(mine, host.address, &graph::Interface::address) != mine.end();
     report.fine("hosts", host.name + ": " + host.address + (here ? " is this machine" : ""));
   }
 }

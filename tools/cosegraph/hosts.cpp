@@ -1,29 +1,14 @@
 #include "tools/cosegraph/hosts.hpp"
 
 #include <arpa/inet.h>
-#include <ifaddrs.h>
 #include <netdb.h>
 
 #include <algorithm>
-#include <set>
+
+#include "graph/interfaces.hpp"
 
 namespace cosegraph::tools {
 namespace {
-
-std::set<std::string> own_addresses() {
-  std::set<std::string> result;
-  ifaddrs* all = nullptr;
-  if (::getifaddrs(&all) != 0) return result;
-  for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
-    if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
-    char text[INET_ADDRSTRLEN] = {};
-    const auto* address = reinterpret_cast<const sockaddr_in*>(one->ifa_addr);
-    ::inet_ntop(AF_INET, &address->sin_addr, text, sizeof text);
-    result.insert(text);
-  }
-  ::freeifaddrs(all);
-  return result;
-}
 
 std::string numeric(const std::string& address) {
   addrinfo hints{};
@@ -64,10 +49,11 @@ std::string host_here(const graph::GraphDescription& graph, const std::string& w
                            "; there are: " + names_of(names));
     return wanted;
   }
-  const auto own = own_addresses();
+  const auto own = graph::interfaces();
   std::vector<std::string> here;
   for (const auto& host : graph.hosts)
-    if (own.contains(numeric(host.address))) here.push_back(host.name);
+    if (std::ranges::find(own, numeric(host.address), &graph::Interface::address) != own.end())
+      here.push_back(host.name);
   if (here.size() == 1) return here[0];
   throw ParameterError(
       (here.empty()
