@@ -13,6 +13,7 @@
 
 #include "graph/control.hpp"
 #include "graph/dds.hpp"
+#include "graph/discovery_server.hpp"
 #include "graph/figures.hpp"
 #include "graph/observer.hpp"
 #include "graph/runs.hpp"
@@ -81,6 +82,9 @@ class Agent::Impl {
             supervisor_options(),
             [this](const std::string& stage, std::uint32_t replica,
                    const std::vector<std::string>& lines) { print(stage, replica, lines); }),
+        discovery_server_(serves_discovery(graph_, options_.host)
+                              ? std::make_unique<DiscoveryServer>(graph_.dds)
+                              : nullptr),
         participant_(graph_,
                      graph_.graph + "/agent" + (options_.host.empty() ? "" : "/" + options_.host),
                      Identity::agent()) {
@@ -117,6 +121,7 @@ class Agent::Impl {
       }
       for (const auto& process : changed) speak_for(process);
       obey_orders();
+      if (discovery_server_) say(discovery_server_->attend());
       if (swap_)
         step_swap();
       else
@@ -193,14 +198,16 @@ class Agent::Impl {
       if (command.host == options_.host && known_ids_.insert(command.id).second)
         orders_.push_back(std::move(command));
     });
-    read<idl::StageStatus>("stage_status", 1, [this](const auto& header, idl::StageStatus status) {
-      const ProcessKey key{header.stage, status.replica, header.generation};
-      statuses_[key] = {header, std::move(status), Clock::now()};
-    });
-    read<idl::AgentStatus>("agent_status", 1, [this](const auto&, idl::AgentStatus status) {
-      const std::string host = status.host;
-      agents_[host] = {std::move(status), Clock::now()};
-    });
+    read<idl::StageStatus>("stage_status", kStatusDepth,
+                           [this](const auto& header, idl::StageStatus status) {
+                             const ProcessKey key{header.stage, status.replica, header.generation};
+                             statuses_[key] = {header, std::move(status), Clock::now()};
+                           });
+    read<idl::AgentStatus>("agent_status", kStatusDepth,
+                           [this](const auto&, idl::AgentStatus status) {
+                             const std::string host = status.host;
+                             agents_[host] = {std::move(status), Clock::now()};
+                           });
     read<idl::FrameDone>("frame_done", 2 * graph_.window + 2,
                          [this](const auto& header, const idl::FrameDone& done) {
                            if (done.outcome == idl::Outcome::ended) return;
@@ -222,7 +229,7 @@ class Agent::Impl {
                                                auto value = idl::decode<Value>(*sample);
                                                const std::scoped_lock lock(mutex_);
                                                take(header, std::move(value));
-                                             } catch (const Error&) {
+                                             } catch (const std::exception&) {
                                                return;  // a stranger's message
                                              }
                                              const std::uint64_t one = 1;
@@ -249,6 +256,10 @@ class Agent::Impl {
     if (host != graph_.hosts.end()) status.address = host->address;
     status_writer_->write(idl::encode(header(), status));
     published_ = Clock::now();
+  }
+
+  void say(const std::string& line) {
+    if (options_.on_output && !line.empty()) options_.on_output("agent", line);
   }
 
   void print(const std::string& stage, std::uint32_t replica,
@@ -657,6 +668,7 @@ class Agent::Impl {
   std::string swap_activity_;
   Clock::time_point published_{};
 
+  std::unique_ptr<DiscoveryServer> discovery_server_;
   Participant participant_;
   std::unique_ptr<Writer> status_writer_;
   std::unique_ptr<Writer> stage_writer_;

@@ -25,8 +25,9 @@ struct AgentOptions {
 
 class Agent {
  public:
-  // Starts the host's stages, or takes over those that a killed agent has left. Throws Error if
-  // there is an agent for this host already, or if a program cannot be started.
+  // Starts the host's stages, or takes over those that a killed agent has left, and the discovery
+  // server if its address is the host's. Throws Error if there is an agent for this host already,
+  // or if a program cannot be started.
   Agent(const GraphDescription& graph, const Catalog& catalog, AgentOptions options);
   // Stops the stages in order, unless leave() was called.
   ~Agent();

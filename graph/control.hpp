@@ -16,6 +16,9 @@ namespace cosegraph::graph {
 // "GRAPH/frame_done" and so on.
 std::string control_topic(const GraphDescription& graph, std::string_view what);
 
+// History of who reads a topic on which many write about themselves, over and over.
+constexpr int kStatusDepth = 64;
+
 // How one process of a stage is called: "cpc", of several replicas "cpc.0", "cpc.1", ...
 std::string process_name(const StageNode& stage, std::uint32_t replica);
 

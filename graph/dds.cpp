@@ -13,13 +13,14 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <fastdds/rtps/flowcontrol/FlowControllerDescriptor.hpp>
 
 #include <algorithm>
-#include <condition_variable>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <mutex>
-#include <thread>
+#include <set>
 
 #include "graph/credentials.hpp"
 #include "graph/dds_security.hpp"
@@ -66,8 +67,6 @@ class EncodedType final : public dds::TopicDataType {
   bool getKey(void*, rtps::InstanceHandle_t*, bool) override { return false; }
 };
 
-constexpr auto kReconnectionPeriod = std::chrono::milliseconds(100);
-
 Duration_t milliseconds(int value) {
   return {0, static_cast<std::uint32_t>(value) * 1'000'000U};
 }
@@ -76,10 +75,19 @@ rtps::Locator_t udp_locator(const std::string& field, const std::string& address
                             std::uint32_t port) {
   rtps::Locator_t locator;
   locator.kind = LOCATOR_KIND_UDPv4;
-  if (!rtps::IPLocator::setIPv4(locator, address))
-    throw Error(field + ": '" + address + "' is not an IPv4 address");
+  const auto [found, found_of_v6] = rtps::IPLocator::resolveNameDNS(address);
+  if (found.empty() || !rtps::IPLocator::setIPv4(locator, *found.begin()))
+    throw Error(field + ": '" + address + "' is neither an IPv4 address nor the name of one");
   locator.port = port;
   return locator;
+}
+
+// This host is always a peer: its participants would not find each other otherwise.
+void set_peers(std::vector<std::string> peers, dds::DomainParticipantQos& qos) {
+  peers.emplace_back("127.0.0.1");
+  for (const auto& peer : peers)
+    qos.wire_protocol().builtin.initialPeersList.push_back(
+        udp_locator("dds.discovery.peers", peer, 0));
 }
 
 // Makes the participant a client of the discovery server with id 0 at "HOST:PORT".
@@ -94,37 +102,73 @@ void set_server(const std::string& server, rtps::DiscoverySettings& discovery) {
   discovery.m_DiscoveryServers.push_back(remote);
 }
 
-// Whether the way to the other hosts of the graph is cut off, as when a cable is out.
-bool is_cut_off(const GraphDescription& graph, const Interface& interface) {
-  return !interface.connected &&
-         std::ranges::find(graph.hosts, interface.address, &Host::address) != graph.hosts.end();
+// The topics of a participant that readers on other hosts take; none unless it is a stage's.
+std::set<std::string> topics_between_hosts(const GraphDescription& graph, const std::string& name) {
+  std::set<std::string> result;
+  const std::string prefix = graph.graph + "/";
+  const std::string stage = name.starts_with(prefix) ? name.substr(prefix.size()) : "";
+  if (graph.one_process || graph.stage(stage) == nullptr) return result;
+  const auto hosts_here = hosts_of(*graph.stage(stage));
+  const auto is_here = [&](const std::string& host) { return host == hosts_here.front(); };
+  const bool spread = !std::ranges::all_of(hosts_here, is_here);
+  for (const auto& reader : graph.stages)
+    for (const auto& input : reader.inputs)
+      if (input.from_stage == stage && (spread || !std::ranges::all_of(hosts_of(reader), is_here)))
+        result.insert(topic_name(graph, stage, input.from_port));
+  return result;
 }
 
-// Fast DDS takes the addresses that are connected when a participant is made. Readers made while
-// the host is cut off would never be found from other hosts; so they are told the address.
-void set_own_addresses(const GraphDescription& graph,
-                       eprosima::fastdds::rtps::LocatorList& locators) {
-  const auto all = interfaces();
-  if (std::ranges::none_of(all, [&](const auto& one) { return is_cut_off(graph, one); })) return;
-  for (const auto& one : all)
-    if (!one.loopback && (one.connected || is_cut_off(graph, one)))
-      locators.push_back(udp_locator("hosts", one.address, 0));
-}
+using Udp = eprosima::fastdds::rtps::UDPv4TransportDescriptor;
 
-dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name) {
-  dds::DomainParticipantQos qos;
-  qos.name(name);
+// Sends messages that networks carry in one packet; takes in any.
+class OnePacketUdp final : public Udp {
+ public:
+  // A larger message is several IP fragments, and lost with any of them. What is left of it stops
+  // the receiver: the kernel keeps it for 30 s in 4 MB, and takes no further fragments meanwhile.
+  std::uint32_t max_message_size() const override { return kMtu - kIpAndUdpHeaders; }
+
+ private:
+  static constexpr std::uint32_t kMtu =
+      1400;  // that of most tunnels and overlays; Ethernet's: 1500
+  static constexpr std::uint32_t kIpAndUdpHeaders = 28;
+};
+
+std::shared_ptr<Udp> udp_transport(bool between_hosts) {
   constexpr std::uint32_t kSocketBuffer = 4U << 20U;
-  auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  auto udp = between_hosts ? std::make_shared<OnePacketUdp>() : std::make_shared<Udp>();
   udp->sendBufferSize = kSocketBuffer;
   udp->receiveBufferSize = kSocketBuffer;
   udp->non_blocking_send = false;
   // Only the first few participants of an address given without a port are tried otherwise.
   udp->maxInitialPeersRange = 64;
+  return udp;
+}
+
+constexpr const char* kRateLimit = "rate";
+
+// Hands no more than `rate` (Mbit/s) to the network.
+std::shared_ptr<eprosima::fastdds::rtps::FlowControllerDescriptor> rate_limit(double rate) {
+  constexpr double kShortestPeriod = 10.0;      // ms
+  constexpr double kLeastPerPeriod = 4 * 1500;  // bytes; several messages
+  const double bytes_per_ms = rate * 1e6 / 8.0 / 1e3;
+  const double period = std::ceil(std::max(kShortestPeriod, kLeastPerPeriod / bytes_per_ms));
+  auto result = std::make_shared<eprosima::fastdds::rtps::FlowControllerDescriptor>();
+  result->name = kRateLimit;
+  result->scheduler = eprosima::fastdds::rtps::FlowControllerSchedulerPolicy::FIFO;
+  result->period_ms = static_cast<std::uint64_t>(period);
+  result->max_bytes_per_period = static_cast<std::int32_t>(bytes_per_ms * period);
+  return result;
+}
+
+dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name,
+                                          bool between_hosts) {
+  dds::DomainParticipantQos qos;
+  qos.name(name);
   // UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
   // behind that stops its readers for good.
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(udp);
+  qos.transport().user_transports.push_back(udp_transport(between_hosts));
+  if (graph.dds.rate > 0.0) qos.flow_controllers().push_back(rate_limit(graph.dds.rate));
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   // A participant that is silent for so long is given up, with what was sent to it. Those of one
   // process are only silent when the process is (suspended, stopped, starved of CPU), and must not
@@ -134,12 +178,8 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
   else
     discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
-  if (graph.dds.discovery == Discovery::peers)
-    for (const auto& peer : graph.dds.peers)
-      qos.wire_protocol().builtin.initialPeersList.push_back(udp_locator("dds.peers", peer, 0));
+  if (graph.dds.discovery == Discovery::peers) set_peers(graph.dds.peers, qos);
   if (graph.dds.discovery == Discovery::server) set_server(graph.dds.server, discovery);
-  if (!graph.one_process)
-    set_own_addresses(graph, qos.wire_protocol().default_unicast_locator_list);
   return qos;
 }
 
@@ -184,32 +224,12 @@ struct Participant::Impl {
   dds::Subscriber* subscriber = nullptr;
   std::mutex mutex;
   std::map<std::string, dds::Topic*> topics;
-  std::jthread reconnection;
+  std::set<std::string> rate_limited;  // topics
 
   ~Impl() {
     if (participant == nullptr) return;
-    reconnection = {};  // stopped
     participant->delete_contained_entities();
     dds::DomainParticipantFactory::get_instance()->delete_participant(participant);
-  }
-
-  // A participant that is made while its host is cut off joins the others when that is over.
-  void await_connection(const GraphDescription& graph) {
-    const auto cut_off = [hosts = graph] {
-      return std::ranges::any_of(interfaces(),
-                                 [&](const auto& one) { return is_cut_off(hosts, one); });
-    };
-    if (!cut_off()) return;
-    reconnection = std::jthread([this, cut_off](const std::stop_token& stop) {
-      std::mutex waiting;
-      std::condition_variable_any stopped;
-      std::unique_lock lock(waiting);
-      while (cut_off())
-        if (stopped.wait_for(lock, stop, kReconnectionPeriod, [] { return false; });
-            stop.stop_requested())
-          return;
-      participant->set_qos(participant->get_qos());  // looks at the interfaces anew
-    });
   }
 
   dds::Topic* topic(const std::string& name, std::string_view type) {
@@ -288,14 +308,16 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
   require_keys(graph, identity);
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
+  for (const auto& host : graph.hosts) count_as_connected(host.address);
+  const auto between_hosts = topics_between_hosts(graph, name);
+  if (graph.dds.rate > 0.0) impl_->rate_limited = between_hosts;
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  dds::DomainParticipantQos qos = participant_qos(graph, name);
+  dds::DomainParticipantQos qos = participant_qos(graph, name, !between_hosts.empty());
   if (!graph.dds.security.empty()) set_security(key_files(graph, identity), qos);
   impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
                                                    qos, listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
-  if (!graph.one_process) impl_->await_connection(graph);
   dds::PublisherQos publisher;
   const std::string partition = partition_of(graph);
   publisher.partition().push_back(partition.c_str());
@@ -314,6 +336,10 @@ std::unique_ptr<Writer> Participant::writer(const std::string& topic, std::strin
   dds::DataWriterQos qos;
   set_common(qos, wanted);
   qos.reliable_writer_qos().times.heartbeatPeriod = milliseconds(50);
+  if (impl_->rate_limited.contains(topic)) {
+    qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
+    qos.publish_mode().flow_controller_name = kRateLimit;
+  }
   auto* writer = impl_->publisher->create_datawriter(impl_->topic(topic, type), qos);
   if (writer == nullptr) throw Error("cannot create a writer for " + topic);
   return std::make_unique<DdsWriter>(impl_->publisher, writer);

@@ -65,7 +65,10 @@ Fields describe(GraphDescription& graph) {
 
 Fields describe(Dds& dds) {
   return {integer_field("domain", dds.domain, 0, 232, "",
-                        "DDS domain; participants of different domains do not meet.")};
+                        "DDS domain; participants of different domains do not meet."),
+          number_field("rate", dds.rate, 0.0, 100000.0, "Mbit/s",
+                       "What a stage sends to other hosts at most, for links that drop what is too "
+                       "much for them; 0: as fast as it goes.")};
 }
 
 Fields describe(Restart& restart) {

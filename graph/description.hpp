@@ -101,8 +101,9 @@ struct Dds {
   Discovery discovery = Discovery::multicast;
   std::vector<std::string> peers;  // addresses
   std::string server;              // "host:port"
-  std::string security;            // folder of keys; absolute after load(); empty: none
-  Mark security_mark;              // of its value
+  double rate = 0.0;     // Mbit/s that a stage sends to other hosts at most; 0: as fast as it goes
+  std::string security;  // folder of keys; absolute after load(); empty: none
+  Mark security_mark;    // of its value
 };
 
 // Whether the address is this machine's own.
@@ -135,8 +136,8 @@ struct GraphDescription {
 // The host of each replica of a stage, one after the other; of a stage without replicas, its host.
 std::vector<std::string> hosts_of(const StageNode& stage);
 
-// Keys of a graph file that hold plain values: "window" and "deadline", "domain", "policy",
-// "max" and "backoff".
+// Keys of a graph file that hold plain values: "window" and "deadline", "domain" and "rate",
+// "policy", "max" and "backoff".
 Fields describe(GraphDescription& graph);
 Fields describe(Dds& dds);
 Fields describe(Restart& restart);

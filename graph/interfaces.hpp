@@ -17,4 +17,9 @@ struct Interface {
 // Those that are switched on.
 std::vector<Interface> interfaces();
 
+// From now on the interface with this address counts as connected in this process, if it is
+// switched on. Fast DDS leaves out, for as long as a participant lives, what has no connection when
+// it is made: a stage that is started while the cable is out would never be heard again.
+void count_as_connected(const std::string& address);
+
 }  // namespace cosegraph::graph

@@ -1,10 +1,20 @@
 #include "graph/join.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 namespace cosegraph::graph {
 
 using Start = JoinOptions::Start;
+
+namespace {
+
+constexpr std::uint64_t kFarthestAhead = 1U << 20U;  // of what the source says is over, in frames
+// Of frames that cannot be in flight.
+constexpr std::size_t kMostSlots = 1024;
+constexpr std::size_t kMostBytes = std::size_t{256} << 20U;
+
+}  // namespace
 
 Join::Join(std::vector<std::string> ports, const JoinOptions& options)
     : ports_(ports.size()),
@@ -27,13 +37,15 @@ bool Join::adopt(std::uint64_t epoch) {
     seen_ports_.clear();
     count_.reset();
     ended_ = false;
+    told_ = false;
   }
   return true;
 }
 
 Join::Slot* Join::slot_of(const idl::FrameHeader& header) {
   const std::uint64_t sequence = header.sequence;
-  if (!adopt(header.epoch) || sequence < floor_ || released_.contains(sequence)) {
+  if (!adopt(header.epoch) || sequence < floor_ || released_.contains(sequence) ||
+      (told_ && sequence - floor_ > kFarthestAhead)) {
     ++ignored_;
     return nullptr;
   }
@@ -51,6 +63,7 @@ void Join::add(const std::string& port, const idl::FrameHeader& header, Sample s
   if (slot == nullptr) return;
   if (mode_ != Mode::running) seen_ports_.insert(port);
   if (!slot->failed && !slot->inputs.emplace(port, std::move(sample)).second) ++ignored_;
+  shed();
   find_start();
 }
 
@@ -61,6 +74,7 @@ void Join::fail(const idl::FrameHeader& header, std::string stage, std::string r
   slot->inputs.clear();
   slot->stage = std::move(stage);
   slot->reason = std::move(reason);
+  shed();
   find_start();
 }
 
@@ -79,8 +93,29 @@ void Join::raise_floor(std::uint64_t sequence) {
   while (released_.erase(floor_) > 0) ++floor_;
 }
 
+// Drops the frames farthest ahead while there are more than can be in flight, and too many or too
+// large ones.
+void Join::shed() {
+  const auto in_flight = 2 * static_cast<std::size_t>(options_.window) + 2;
+  if (slots_.size() <= in_flight) return;
+  const auto size_of = [](const Slot& slot) {
+    std::size_t bytes = slot.reason.size() + slot.header.name.size();
+    for (const auto& [port, sample] : slot.inputs) bytes += sample->size();
+    return bytes;
+  };
+  std::size_t bytes = 0;
+  for (const auto& [sequence, slot] : slots_) bytes += size_of(slot);
+  while (slots_.size() > in_flight && (slots_.size() > kMostSlots || bytes > kMostBytes)) {
+    const auto farthest = std::prev(slots_.end());
+    bytes -= size_of(farthest->second);
+    slots_.erase(farthest);
+    ++ignored_;
+  }
+}
+
 void Join::settle(const StreamPosition& position) {
   if (position.epoch == 0 || !adopt(position.epoch)) return;
+  told_ = true;
   raise_floor(position.sequence);
   if (mode_ == Mode::resuming || mode_ == Mode::anyway) mode_ = Mode::running;
 }

@@ -4,6 +4,9 @@
 // will never happen (a tombstone). Messages are identified by (epoch, sequence, port); what comes
 // twice or too late is ignored. A larger epoch ends the older one. Holds no thread and no DDS.
 //
+// Whoever writes on the topics can claim any frame: of frames that are too far ahead to be in
+// flight only a bounded number and amount is kept, the nearest first.
+//
 // A stage that is started in the middle of a stream goes on at the first frame that is not over,
 // which the source tells (settle); one in standby keeps what arrives until it is told where to
 // begin (activate). Of a stage with replicas each releases its share of the frames and keeps the
@@ -92,6 +95,7 @@ class Join {
   bool is_mine(std::uint64_t sequence) const;
   std::uint64_t next_sequence() const;
   void raise_floor(std::uint64_t sequence);
+  void shed();
   void find_start();
 
   std::size_t ports_;
@@ -106,6 +110,7 @@ class Join {
   std::optional<std::uint64_t> count_;
   idl::FrameHeader end_header_;
   bool ended_ = false;
+  bool told_ = false;  // the source has said in this epoch which frames are over
   std::uint64_t ignored_ = 0;
 };
 

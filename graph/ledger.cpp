@@ -16,6 +16,11 @@ std::vector<std::uint64_t> Ledger::open() const {
 void Ledger::admit(const idl::FrameHeader& header, Clock::time_point now) {
   open_[header.sequence] = {.header = header, .admitted = now};
   ++account_.admitted;
+  next_ = header.sequence + 1;
+  while (!early_.empty() && early_.begin()->first.first < next_) {
+    const auto report = early_.extract(early_.begin());
+    if (report.key().first == header.sequence) done(report.key().second, header, report.mapped());
+  }
 }
 
 void Ledger::done(const std::string& leaf, const idl::FrameHeader& header,
@@ -27,7 +32,11 @@ void Ledger::done(const std::string& leaf, const idl::FrameHeader& header,
     return;
   }
   const auto found = open_.find(header.sequence);
-  if (found == open_.end()) return;
+  if (found == open_.end()) {
+    if (header.sequence >= next_ && header.sequence - next_ < window_)
+      early_.insert_or_assign({header.sequence, leaf}, done);
+    return;
+  }
   Open& frame = found->second;
   frame.reported.insert(leaf);
   frame.labelled |= done.outcome == idl::Outcome::labelled;

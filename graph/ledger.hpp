@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "graph/stage.hpp"
@@ -37,7 +38,8 @@ class Ledger {
 
   void admit(const idl::FrameHeader& header, Clock::time_point now);
   void drop() { ++account_.dropped; }
-  // A leaf's report on a frame; reports that come twice or too late are ignored.
+  // A leaf's report on a frame; reports that come twice or too late are ignored. One that comes too
+  // early, because a stranger's message has claimed a frame before its time, holds for that frame.
   void done(const std::string& leaf, const idl::FrameHeader& header, const idl::FrameDone& done);
 
   // Frames admitted before `limit` that are still open and have not been returned before.
@@ -63,6 +65,8 @@ class Ledger {
   std::vector<std::string> leaves_;
   std::size_t window_;
   std::map<std::uint64_t, Open> open_;
+  std::uint64_t next_ = 0;  // behind the frame that was admitted last
+  std::map<std::pair<std::uint64_t, std::string>, idl::FrameDone> early_;  // within a window
   std::set<std::string> ended_;
   std::string end_failure_;
   idl::Account account_;

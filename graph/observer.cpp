@@ -21,29 +21,32 @@ Observer::Observer(const GraphDescription& graph)
             const std::scoped_lock lock(mutex_);
             take(header, *sample);
             fresh_ = true;
-          } catch (const Error&) {
+          } catch (const std::exception&) {
             return;  // a stranger's message
           }
           news_.notify_all();
         }));
   };
-  read("stage_status", "StageStatus", 1,
+  read("stage_status", "StageStatus", kStatusDepth,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          const StageNode* node = graph_.stage(header.stage);
          auto status = idl::decode<idl::StageStatus>(bytes);
-         if (node == nullptr || status.candidate) return;
+         if (node == nullptr || status.candidate || status.replica >= hosts_of(*node).size())
+           return;
          const auto now = std::chrono::steady_clock::now();
          Observed& seen = stages_[process_name(*node, status.replica)];
          if (header.generation < seen.header.generation && now - seen.heard < kForgotten) return;
          seen = {header, std::move(status), now};
        });
-  read("agent_status", "AgentStatus", 1, [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
-    auto status = idl::decode<idl::AgentStatus>(bytes);
-    const std::string host = status.host;
-    agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
-  });
+  read("agent_status", "AgentStatus", kStatusDepth,
+       [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
+         auto status = idl::decode<idl::AgentStatus>(bytes);
+         const std::string host = status.host;
+         agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
+       });
   read("frame_failure", "FrameFailure", 2 * graph.window + 2,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
+         if (graph_.stage(header.stage) == nullptr) return;
          failures_.push_back({.stage = header.stage,
                               .frame = header.name,
                               .sequence = header.sequence,

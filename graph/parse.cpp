@@ -166,8 +166,8 @@ void Reader::read_version(const Entry& entry) {
 }
 
 void Reader::read_dds(const Entry& entry, Dds& dds) {
-  for (const auto& item : entries(entry, {"domain", "discovery", "security"})) {
-    if (item.key == "domain") set(describe(dds), item);
+  for (const auto& item : entries(entry, {"domain", "rate", "discovery", "security"})) {
+    if (item.key == "domain" || item.key == "rate") set(describe(dds), item);
     if (item.key == "discovery") read_discovery(item, dds);
     if (item.key == "security") read_security(item, dds);
   }

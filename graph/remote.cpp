@@ -31,7 +31,7 @@ struct Remote::Impl {
       auto value = idl::decode<Value>(*sample);
       const std::scoped_lock lock(mutex);
       queue.push_back(std::move(value));
-    } catch (const Error&) {
+    } catch (const std::exception&) {
       return;  // a stranger's message
     }
     news.notify_all();

@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <cstring>
 #include <deque>
+#include <limits>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -30,11 +31,12 @@ constexpr std::size_t kModelsKept = 2;  // the newest of a latched input
 constexpr auto kModelPatience = 10s;    // for a model id that is not known yet
 constexpr auto kTick = 50ms;            // of the timer
 constexpr auto kStatusPeriod = 250ms;
-constexpr auto kResumePatience = 2s;  // for the source's word on which frames are over
+constexpr auto kResumePatience = 5s;  // for the source's word on which frames are over
 constexpr auto kAbandonAfter = 2s;    // leaves' time to report an overdue frame
 constexpr auto kHoldPatience = 15s;   // drained, and nobody has taken the place
 constexpr std::uint32_t kDeathsOfAFrame = 2;
 constexpr int kCommandDepth = 16;
+constexpr auto kLastEpoch = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
 
 // How many processes read an output.
 int consumers_of(const GraphDescription& graph, const std::string& stage, const std::string& port) {
@@ -215,13 +217,18 @@ class StageRunner::Impl final : public StageHost {
       traffic_[key] = {.name = input.port, .topic = topic};
       if (info.latched)
         read(topic, info.type, {.depth = static_cast<int>(kModelsKept)},
-             [this, key, port = input.port](const FrameHeader& header, Sample sample) {
+             [this, key, port = input.port, from = input.from_stage, type = info.type](
+                 const FrameHeader& header, Sample sample) {
+               if (header.stage != from) return;
+               idl::check(type, *sample);  // what cannot be used must not replace what can
                count_traffic(key, sample->size());
                keep_latched(latched_[port], header.model_id, std::move(sample));
              });
       else
         read(topic, info.type, frames,
-             [this, key, port = input.port](const FrameHeader& header, Sample sample) {
+             [this, key, port = input.port, from = input.from_stage](const FrameHeader& header,
+                                                                     Sample sample) {
+               if (header.stage != from) return;
                count_traffic(key, sample->size());
                join_.add(port, header, std::move(sample));
              });
@@ -232,7 +239,7 @@ class StageRunner::Impl final : public StageHost {
            const auto command = idl::decode<idl::Command>(*sample);
            if (command.stage == node_.name) obey(command);
          });
-    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = 1},
+    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = kStatusDepth},
          [this](const FrameHeader& header, const Sample& sample) { hear(header, *sample); });
     if (source_ != nullptr)
       open_source_readers(frames);
@@ -256,6 +263,7 @@ class StageRunner::Impl final : public StageHost {
          });
     read(control_topic(graph_, "stream_end"), "StreamEnd", {.depth = 1},
          [this](const FrameHeader& header, const Sample& sample) {
+           if (header.stage != header.source) return;
            join_.end(header, idl::decode<idl::StreamEnd>(*sample).count);
          });
   }
@@ -271,11 +279,14 @@ class StageRunner::Impl final : public StageHost {
 
   // Other stages' statuses: which frames are over, who is at work, which replicas are given up.
   void hear(const FrameHeader& header, const idl::Bytes& bytes) {
+    const StageNode* sender = graph_.stage(header.stage);
+    if (sender == nullptr) return;
     const bool from_source = header.stage == header.source;
     const bool from_own = header.stage == node_.name;
     const bool from_replica = from_own && !node_.replicas.empty();
     if (source_ == nullptr && !from_source && !from_own) return;
     const auto status = idl::decode<idl::StageStatus>(bytes);
+    if (status.replica >= hosts_of(*sender).size()) return;
     if (from_own && header.generation > options_.generation && !status.candidate &&
         status.replica == options_.replica && status.pid != 0)
       replaced_ = true;
@@ -283,22 +294,23 @@ class StageRunner::Impl final : public StageHost {
       at_work_[{header.stage, status.replica}] = {header.sequence, status.state == State::working};
     else if (from_source && !status.candidate)
       join_.settle({header.epoch, status.settled});
-    if (from_replica && status.replica != options_.replica && !status.candidate &&
-        status.replica < hosts_of(node_).size())
+    if (from_replica && status.replica != options_.replica && !status.candidate)
       join_.give_up(static_cast<int>(status.replica),
                     status.state == State::failed || status.state == State::stopped);
   }
 
-  // Calls `take` under the lock with every well-formed message of a topic.
+  // Calls `take` under the lock with every well-formed message of a topic. Epochs are nanoseconds
+  // since 1970: one that no clock shows before 2262 would be followed by none.
   void read(const std::string& topic, const std::string& type, const EndpointQos& qos,
             std::function<void(const FrameHeader&, Sample)> take) {
     readers_.push_back(
         participant_.reader(topic, type, qos, [this, take = std::move(take)](Sample sample) {
           try {
             const FrameHeader header = idl::decode_header(*sample);
+            if (header.epoch > kLastEpoch) return;
             const std::scoped_lock lock(mutex_);
             take(header, std::move(sample));
-          } catch (const Error&) {
+          } catch (const std::exception&) {
             // A stranger's; one of a stage of ours is missed by the deadline.
           }
           changed_.notify_all();
@@ -790,13 +802,14 @@ class StageRunner::Impl final : public StageHost {
   }
 
   void tick() {
-    const auto begin = Clock::now();
-    auto published = begin;
+    auto published = Clock::now();
+    std::optional<Clock::time_point> waiting;  // since a stream is heard
     std::unique_lock lock(mutex_);
     while (!stop_) {
       changed_.wait_for(lock, kTick, [this] { return stop_; });
       const auto now = Clock::now();
-      if (now - begin > kResumePatience) join_.resume_anyway();
+      if (!waiting && join_.position().epoch != 0) waiting = now;
+      if (waiting && now - *waiting > kResumePatience) join_.resume_anyway();
       const bool news =
           source_ != nullptr && ledger_.settled(next_admission_) != published_settled_;
       lock.unlock();

@@ -184,6 +184,8 @@ std::vector<Fault> check_keys(const GraphDescription& graph, const Catalog& cata
   const auto add = [&](const std::string& message) {
     if (std::ranges::find(messages, message) == messages.end()) messages.push_back(message);
   };
+  if (graph.dds.discovery == Discovery::server)
+    add("a discovery server has no keys, so nobody would be found; use multicast or peers");
   const fs::path folder = key_files(graph, {}).governance.parent_path();
   std::error_code ignored;
   if (!fs::is_directory(folder, ignored)) {

@@ -79,8 +79,26 @@ Pairs unflatten(const std::vector<std::int32_t>& flat, std::size_t size) {
   require(flat.size() % 2 == 0, "adjacency is not a list of pairs");
   require_indices(flat, size, "adjacency names an index that does not exist");
   Pairs pairs(flat.size() / 2);
-  for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i] = {flat[2 * i], flat[2 * i + 1]};
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    pairs[i] = {flat[2 * i], flat[2 * i + 1]};
+    require(pairs[i][0] < pairs[i][1] && (i == 0 || pairs[i - 1] < pairs[i]),
+            "adjacency is not a sorted list of different pairs a < b");
+  }
   return pairs;
+}
+
+bool all_finite(const std::vector<float>& values) {
+  return std::ranges::all_of(values, [](float x) { return std::isfinite(x); });
+}
+
+// Finite, and large enough that 1 / x is finite too.
+bool is_positive(float x) {
+  return std::isnormal(x) && x > 0.0F;
+}
+
+void require_segment_count(std::int32_t count) {
+  require(count >= 0, "the number of segments is negative");
+  require(count <= kMostSegments, "there are too many segments");
 }
 
 // -- header --------------------------------------------------------------------------------------
@@ -153,7 +171,7 @@ Cloud take(msg::Cloud& message) {
               .width = message.width(),
               .height = message.height()};
   check_sizes(value);
-  require(std::isfinite(value.scale) && value.scale > 0.0F, "scale is not positive");
+  require(is_positive(value.scale), "scale is not positive");
   require(std::ranges::all_of(value.dense_index, [](std::int32_t i) { return i >= kNoPoint; }),
           "dense_index is negative");
   return value;
@@ -180,8 +198,7 @@ Supervoxels take(msg::Supervoxels& message) {
                     .normal = std::move(message.normal()),
                     .point_count = std::move(message.point_count()),
                     .seed_resolution = message.seed_resolution()};
-  require(std::isfinite(value.seed_resolution) && value.seed_resolution > 0.0F,
-          "the distance of the seeds is not positive");
+  require(is_positive(value.seed_resolution), "the distance of the seeds is not positive");
   require(value.centroid.size() % 3 == 0 && value.normal.size() == value.centroid.size() &&
               value.point_count.size() == value.count(),
           "centroids, normals and point counts do not fit together");
@@ -209,7 +226,7 @@ Segments take(msg::Segments& message) {
                  .of_point = std::move(message.of_point()),
                  .count = message.count(),
                  .concavity = std::move(message.concavity())};
-  require(value.count >= 0, "the number of segments is negative");
+  require_segment_count(value.count);
   const auto count = static_cast<std::size_t>(value.count);
   require(count <= value.of_supervoxel.size(), "there are more segments than supervoxels");
   require_indices(value.of_supervoxel, count, "a supervoxel names a segment that does not exist");
@@ -245,8 +262,7 @@ Descriptors take(msg::Descriptors& message) {
             "a channel's values do not fit its keypoints");
     require(std::ranges::all_of(channel.keypoint(), [](std::int32_t i) { return i >= 0; }),
             "a keypoint is negative");
-    require(std::ranges::all_of(channel.values(), [](float x) { return std::isfinite(x); }),
-            "a descriptor is not finite");
+    require(all_finite(channel.values()), "a descriptor is not finite");
     value.channels.push_back({.name = std::move(channel.name()),
                               .dimension = channel.dimension(),
                               .keypoint = std::move(channel.keypoint()),
@@ -285,8 +301,8 @@ Spectrum take(msg::Spectrum& message) {
           "samples, pieces and eigenfunctions do not fit together");
   require_indices(value.nearest_sample, samples, "a point names a sample that does not exist");
   require_indices(value.sample, value.nearest_sample.size(), "a sample is not a point");
-  require(std::ranges::all_of(value.eigenvalue, [](float x) { return std::isfinite(x) && x > 0; }),
-          "an eigenvalue is not positive");
+  require(std::ranges::all_of(value.eigenvalue, is_positive), "an eigenvalue is not positive");
+  require(all_finite(value.eigenfunction), "an eigenfunction is not finite");
   return value;
 }
 
@@ -308,11 +324,13 @@ Encodings take(msg::Encodings& message) {
                   .dimension = message.dimension(),
                   .segment = std::move(message.segment()),
                   .value = std::move(message.values())};
-  require(value.segment_count >= 0 && value.dimension > 0, "a count is negative");
+  require_segment_count(value.segment_count);
+  require(value.dimension > 0, "the vectors have no dimension");
   require_indices(value.segment, static_cast<std::size_t>(value.segment_count),
                   "a packet names a segment that does not exist");
   require(value.value.size() == value.segment.size() * static_cast<std::size_t>(value.dimension),
           "values do not fit packets");
+  require(all_finite(value.value), "a vector is not finite");
   return value;
 }
 
@@ -342,9 +360,9 @@ Scores take(msg::Scores& message) {
                .segment_count = message.segment_count(),
                .probability = std::move(message.probability())};
   require_labels(value.label_names, value.majority);
-  require(value.segment_count >= 0 &&
-              value.probability.size() ==
-                  static_cast<std::size_t>(value.segment_count) * value.label_names.size(),
+  require_segment_count(value.segment_count);
+  require(value.probability.size() ==
+              static_cast<std::size_t>(value.segment_count) * value.label_names.size(),
           "probabilities do not fit segments and labels");
   require(std::ranges::all_of(value.probability, [](float p) { return p >= 0.0F && p <= 1.0F; }),
           "a probability is outside 0 .. 1");
@@ -845,6 +863,22 @@ COSEGRAPH_TRAVELS(AgentStatus)
 COSEGRAPH_TRAVELS(LogLines)
 
 #undef COSEGRAPH_TRAVELS
+
+namespace {
+
+template <class... Values>
+bool check_any(std::string_view type, std::span<const std::uint8_t> bytes) {
+  return ((type_name<Values>() == type && (decode<Values>(bytes), true)) || ...);
+}
+
+}  // namespace
+
+void check(std::string_view type, std::span<const std::uint8_t> bytes) {
+  if (!check_any<Cloud, Supervoxels, Segments, Descriptors, Encodings, Scores, Spectrum, Labelling,
+                 AppearanceModel, RelationModel, StreamEnd, FrameFailure, FrameDone, StageStatus,
+                 Command, Reply, AgentStatus, LogLines>(type, bytes))
+    throw InputError("there is no message type '" + std::string(type) + "'");
+}
 
 std::span<const std::string_view> type_names() {
   static constexpr std::string_view kNames[] = {

@@ -170,6 +170,9 @@ Bytes encode(const FrameHeader& header, const Value& value);
 template <class Value>
 Value decode(std::span<const std::uint8_t> bytes);
 
+// Throws as decode does for the type of that name, or InputError if there is none.
+void check(std::string_view type, std::span<const std::uint8_t> bytes);
+
 // The header that every message begins with.
 FrameHeader decode_header(std::span<const std::uint8_t> bytes);
 

@@ -138,7 +138,7 @@ std::size_t meaning_of(std::string_view symbol, const std::vector<Node>& members
   for (std::size_t i = 0; i < members.size(); ++i) {
     const Node& member = members[i];
     if (member.name != symbol && first_word(declarations[i].comment) != symbol) continue;
-    if (member.is_list) return member.size();
+    if (member.is_list) return std::max(member.size(), std::size_t{1});
     const bool is_count = member.kind == Kind::int32 || member.kind == Kind::uint32;
     const double value = is_count ? member.as_double(0) : 0.0;
     return value >= 1.0 ? static_cast<std::size_t>(value) : 1;

@@ -7,7 +7,8 @@
 namespace cosegraph::astar {
 namespace {
 
-constexpr double kMinProbability = 1e-6;  // appearance alone never forbids a label
+constexpr double kMinProbability = 1e-6;                  // appearance alone never forbids a label
+constexpr std::size_t kMostTerms = std::size_t{1} << 24;  // of the energy, pairwise
 
 void check_sizes(const Scores& scores, const Segments& segments) {
   if (scores.label_names.empty()) throw InputError("the scores name no labels");
@@ -86,6 +87,9 @@ void add_relations(const Spectrum& spectrum, const Segments& segments,
       (params.pairwise_scale == PairwiseScale::segments ? std::max(energy.nodes, 1) : 1);
   const auto nodes = static_cast<std::size_t>(energy.nodes);
   const auto states = static_cast<std::size_t>(energy.states);
+  if (const std::size_t pairs = nodes * (nodes + 1) / 2; pairs > kMostTerms / states / states)
+    throw InputError(std::to_string(nodes) + " segments with " + std::to_string(states) +
+                     " labels are too many for spatial relations");
   energy.pairwise.assign(nodes * (nodes + 1) / 2 * states * states, 0.0);
   for (std::size_t i = 0; i < nodes; ++i)
     for (std::size_t j = 0; j < i; ++j) {

@@ -289,6 +289,7 @@ std::vector<DistanceMixture> fit_relations(std::span<const RelationView> views, 
   }
   std::vector<DistanceMixture> result(distances.size());
   if (sum == 0.0) return result;  // no two different points share a view
+  if (!std::isfinite(sum)) throw InputError("a distance between samples is not finite");
   const double min_sigma = kSigmaFloor * sum / static_cast<double>(count);
   for (std::size_t pair = 0; pair < distances.size(); ++pair)
     if (!distances[pair].empty())
@@ -325,7 +326,7 @@ std::vector<std::uint8_t> observed_neighbours(std::span<const Cloud* const> view
       throw InputError("a view without labels shows no neighbourhoods");
     const NearestNeighbours near(view->xyz);
     const auto reach = static_cast<float>(radius * view->scale);
-    std::vector<int> count(pair_count(labels), 0);
+    std::vector<std::int64_t> count(pair_count(labels), 0);
     for (std::size_t i = 0; i < view->size(); ++i) {
       const std::int32_t a = view->label[i];
       if (a == kNoLabel) continue;

@@ -16,8 +16,9 @@ namespace {
 using States = std::vector<std::int32_t>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kSweeps = 40;          // of the reparametrisation
-constexpr double kRounding = 1e-10;  // relative: energies closer than this are equal
+constexpr int kSweeps = 40;              // of the reparametrisation
+constexpr double kRounding = 1e-10;      // relative: energies closer than this are equal
+constexpr std::size_t kMostPerOpen = 8;  // nodes ever made, in multiples of max_open
 
 std::size_t position(const Energy& energy, int i, int j, int xi, int xj) {
   if (i < j) {
@@ -367,7 +368,7 @@ Solution Search::run(States start) {
   best_.proven_optimal = true;
   while (!open_.empty()) {
     const Open open = open_.top();
-    if (open_.size() > max_open_) {
+    if (open_.size() > max_open_ || pool_.size() / kMostPerOpen > max_open_) {
       offer(complete(open));
       best_.gap = std::max(0.0, best_.energy - open.f);
       best_.proven_optimal = best_.gap == 0.0;

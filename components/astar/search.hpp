@@ -31,12 +31,12 @@ struct Solution {
   std::int64_t expansions = 0;  // nodes taken from the heap
 };
 
-// When the heap would hold more than `max_open` nodes, the search stops: the answer is then the
-// best of the most promising node completed greedily and the nodes' best unary states (after the
-// reparametrisation) improved by coordinate descent, and `gap` is its energy minus the lowest f on
-// the heap. 0 nodes: an empty, optimal solution. "Optimal" is up to rounding: 1e-10 of the energy.
-// Values may be +inf (forbidden): the energy is +inf if nothing else is left. Throws InputError on
-// sizes that do not fit or values that are NaN or -inf.
+// When the heap would hold more than `max_open` nodes, or eight times as many have been made, the
+// search stops: the answer is then the best of the most promising node completed greedily and the
+// nodes' best unary states (after the reparametrisation) improved by coordinate descent, and `gap`
+// is its energy minus the lowest f on the heap. 0 nodes: an empty, optimal solution. "Optimal" is
+// up to rounding: 1e-10 of the energy. Values may be +inf (forbidden): the energy is +inf if
+// nothing else is left. Throws InputError on sizes that do not fit or values that are NaN or -inf.
 Solution minimise(const Energy& energy, std::int64_t max_open);
 
 }  // namespace cosegraph::astar

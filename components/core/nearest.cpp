@@ -4,7 +4,10 @@
 #include <cmath>
 #include <limits>
 #include <nanoflann.hpp>
+#include <string>
 #include <tuple>
+
+#include "core/error.hpp"
 
 namespace cosegraph {
 namespace {
@@ -29,6 +32,23 @@ using Neighbour = NearestNeighbours::Neighbour;
 float with_slack(float squared_distance) {
   constexpr float kMax = std::numeric_limits<float>::max();
   return std::min(kMax, std::nextafter(squared_distance * (1.0F + 1e-5F), kMax));
+}
+
+bool is_usable(const float* point) {
+  return std::all_of(point, point + 3,
+                     [](float x) { return std::abs(x) <= NearestNeighbours::kFarthest; });
+}
+
+void check_query(const float* query) {
+  if (!is_usable(query))
+    throw InputError("a point whose neighbours are wanted is not finite, or too far out");
+}
+
+std::span<const float> checked(std::span<const float> xyz) {
+  for (std::size_t i = 0; i + 2 < xyz.size(); i += 3)
+    if (!is_usable(&xyz[i]))
+      throw InputError("point " + std::to_string(i / 3) + " is not finite, or too far out");
+  return xyz;
 }
 
 bool closer(const Neighbour& a, const Neighbour& b) {
@@ -80,7 +100,7 @@ struct NearestNeighbours::Tree {
 };
 
 NearestNeighbours::NearestNeighbours(std::span<const float> xyz)
-    : tree_(std::make_unique<Tree>(xyz)) {}
+    : tree_(std::make_unique<Tree>(checked(xyz))) {}
 NearestNeighbours::~NearestNeighbours() = default;
 NearestNeighbours::NearestNeighbours(NearestNeighbours&&) noexcept = default;
 NearestNeighbours& NearestNeighbours::operator=(NearestNeighbours&&) noexcept = default;
@@ -92,6 +112,7 @@ std::size_t NearestNeighbours::size() const {
 std::vector<Neighbour> NearestNeighbours::nearest(const float* query, std::size_t k) const {
   k = std::min(k, size());
   if (k == 0) return {};
+  check_query(query);
   NearestSet found(k);
   tree_->tree.findNeighbors(found, query, nanoflann::SearchParams());
   return std::move(found).sorted();
@@ -102,7 +123,8 @@ std::int32_t NearestNeighbours::nearest_index(const float* query) const {
 }
 
 std::vector<Neighbour> NearestNeighbours::within(const float* query, float radius) const {
-  if (size() == 0 || radius < 0.0F) return {};
+  if (size() == 0 || !(radius >= 0.0F)) return {};
+  check_query(query);
   const float limit = radius * radius;
   std::vector<std::pair<std::uint32_t, float>> found;
   tree_->tree.radiusSearch(query, with_slack(limit), found,

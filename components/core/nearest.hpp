@@ -17,7 +17,11 @@ class NearestNeighbours {
     float squared_distance;
   };
 
-  // `xyz` holds 3N finite numbers; it is copied. N may be 0: every query is then empty.
+  // Numbers, of points and of queries, lie within +-kFarthest: their squared distances are finite.
+  // InputError is thrown for others, NaN among them.
+  static constexpr float kFarthest = 1e18F;
+
+  // `xyz` holds 3N numbers; it is copied. N may be 0: every query is then empty.
   explicit NearestNeighbours(std::span<const float> xyz);
   ~NearestNeighbours();
   NearestNeighbours(NearestNeighbours&&) noexcept;

@@ -25,6 +25,10 @@ struct Supervoxels {
   std::size_t count() const { return centroid.size() / 3; }
 };
 
+// Work and memory of the stages behind grow with the square of the number of segments: more than
+// so many, in any message, are refused.
+constexpr std::int32_t kMostSegments = 1 << 14;
+
 // Part candidates: a partition of the supervoxels.
 struct Segments {
   std::vector<std::int32_t> of_supervoxel;  // S, 0 .. count-1

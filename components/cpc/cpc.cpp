@@ -19,6 +19,9 @@ using Point = pcl::PointXYZRGBA;
 using Clusters = std::map<std::uint32_t, pcl::Supervoxel<Point>::Ptr>;
 using Neighbours = std::multimap<std::uint32_t, std::uint32_t>;
 
+constexpr std::int32_t kMostSupervoxels = 1 << 15;  // merging takes time with their square
+constexpr float kWidest = 1e6F;  // of the supervoxels' distances, in seed distances
+
 void require(bool condition, const std::string& what) {
   if (!condition) throw InputError("supervoxels: " + what);
 }
@@ -28,6 +31,8 @@ void check(const Supervoxels& supervoxels) {
   const auto known = [count](std::int32_t id) { return id >= 0 && id < count; };
   const auto finite = [](float value) { return std::isfinite(value); };
   require(count > 0, "there are none");
+  require(count <= kMostSupervoxels, "there are " + std::to_string(count) + ", at most " +
+                                         std::to_string(kMostSupervoxels) + " are cut");
   require(supervoxels.normal.size() == supervoxels.centroid.size(),
           "the numbers of centroids and normals differ");
   require(std::ranges::all_of(supervoxels.centroid, finite), "a centroid is not finite");
@@ -46,8 +51,10 @@ Clusters to_pcl(const Supervoxels& supervoxels, float scale) {
   Clusters clusters;
   for (std::size_t i = 0; i < supervoxels.count(); ++i) {
     pcl::Supervoxel<Point>::Ptr cluster(new pcl::Supervoxel<Point>);
-    cluster->centroid_.getVector3fMap() =
-        (centroid.col(static_cast<Eigen::Index>(i)) - middle) / scale;
+    const Eigen::Vector3f at = (centroid.col(static_cast<Eigen::Index>(i)) - middle) / scale;
+    require((at.array().abs() <= kWidest).all(),
+            "they are too far apart for the distance of their seeds");
+    cluster->centroid_.getVector3fMap() = at;
     cluster->normal_.getNormalVector3fMap() =
         Eigen::Map<const Eigen::Vector3f>(&supervoxels.normal[3 * i]);
     clusters.emplace(i + 1, std::move(cluster));

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/nearest.hpp"
+#include "core/random.hpp"
 #include "descriptors/local.hpp"
 #include "descriptors/place.hpp"
 
@@ -15,6 +16,8 @@ namespace {
 using Indices = std::vector<std::int32_t>;
 
 constexpr std::string_view kPlaceSuffix = "+place";
+constexpr std::size_t kMostPairs = 2'000'000'000;  // of points and their neighbours, per channel
+constexpr std::size_t kProbes = 512;               // points whose neighbours are counted beforehand
 
 std::string shortest(double value) {
   char buffer[32];
@@ -88,6 +91,21 @@ void check(const Cloud& cloud) {
   if (!std::ranges::all_of(cloud.normal, finite)) throw InputError("a normal is not finite");
 }
 
+// Time grows with the neighbours of all points: a scale that is wrong for the cloud makes each a
+// neighbour of every other. Those of some points tell about how many there are.
+void check_neighbourhoods(const Cloud& cloud, double radius) {
+  if (cloud.size() <= kMostPairs / cloud.size()) return;
+  const NearestNeighbours tree(cloud.xyz);
+  Random random(1);
+  std::size_t counted = 0;
+  for (const std::int32_t i : random.sample(cloud.size(), kProbes)) {
+    const float* point = &cloud.xyz[3 * static_cast<std::size_t>(i)];
+    counted += tree.within(point, static_cast<float>(radius)).size();
+    if (counted > kMostPairs / cloud.size() * kProbes)
+      throw InputError("the points' neighbourhoods are too large: is the cloud's scale right?");
+  }
+}
+
 // In the order of the cloud, every point that is no nearer than `spacing` to one already chosen.
 Indices choose_keypoints(const Cloud& cloud, double spacing) {
   Indices chosen(cloud.size());
@@ -108,6 +126,7 @@ std::vector<float> local_rows(const Cloud& cloud, const Channel& channel, const 
                               int threads) {
   const Surface surface{cloud.xyz, cloud.normal};
   const double radius = channel.radius * cloud.scale;
+  check_neighbourhoods(cloud, radius);
   if (channel.kind == Kind::fpfh) return fpfh(surface, keypoint, radius, threads);
   if (channel.kind == Kind::shot) return shot(surface, keypoint, radius, threads);
   return {};

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <string>
 
 #include "core/error.hpp"
@@ -38,6 +39,8 @@ namespace cosegraph::fisher {
 namespace {
 
 using Rows = std::vector<std::int32_t>;
+
+constexpr std::size_t kMostNumbers = std::size_t{1} << 28;  // in any of the tables of a frame
 
 bool is_literal(const Encoding& encoding) {
   return encoding.method == Method::bow && encoding.bow == BowForm::literal;
@@ -293,6 +296,32 @@ void check_channels(const Cloud& cloud, const Descriptors& descriptors,
   }
 }
 
+void check_points(const Cloud& cloud) {
+  for (std::size_t i = 0; i < cloud.xyz.size(); ++i)
+    if (!(std::abs(cloud.xyz[i]) <= NearestNeighbours::kFarthest))
+      throw InputError("point " + std::to_string(i / 3) + " is not finite, or too far out");
+}
+
+// The tables grow with the product of what different messages hold.
+void check_work(const Descriptors& descriptors, const Segments& segments,
+                const AppearanceModel& model, const Encoding& encoding, const Params& params) {
+  std::size_t stride = 0;
+  for (std::size_t c = 0; c < model.channels.size(); ++c) {
+    const GaussianMixture& mixture = model.channels[c].mixture;
+    const auto components = static_cast<std::size_t>(mixture.components);
+    if (descriptors.channels[c].keypoint.size() > kMostNumbers / components)
+      throw InputError("channel '" + model.channels[c].name + "' has too many keypoints (" +
+                       std::to_string(descriptors.channels[c].keypoint.size()) +
+                       ") for a mixture of " + std::to_string(components));
+    stride += static_cast<std::size_t>(block_size(mixture, encoding));
+  }
+  const auto vectors = static_cast<std::size_t>(segments.count) *
+                       static_cast<std::size_t>(std::max(params.clusters, params.packets));
+  if (vectors > kMostNumbers / stride)
+    throw InputError(std::to_string(segments.count) + " segments are too many for vectors of " +
+                     std::to_string(stride) + " numbers");
+}
+
 // Segment of each point of `cloud`, -1 for a point that stands for none of the dense cloud.
 std::vector<std::int32_t> segment_of_points(const Cloud& cloud, const Segments& segments) {
   if (cloud.dense_index.size() != cloud.size())
@@ -318,6 +347,7 @@ class SegmentGroups {
     const std::vector<std::int32_t> of_point = segment_of_points(cloud, segments);
     points_.resize(segments.count);
     rows_.assign(descriptors.channels.size(), std::vector<Rows>(segments.count));
+    keypoints_.resize(descriptors.channels.size());
     const auto add = [&](std::vector<Rows>& lists, std::int32_t point, std::size_t entry) {
       const std::int32_t segment = of_point[point];
       if (segment < -1 || segment >= segments.count)
@@ -341,9 +371,8 @@ class SegmentGroups {
       std::iota(group.points.begin(), group.points.end(), 0);
     }
     for (std::size_t c = 0; c < rows_.size(); ++c)
-      group.rows.push_back(rows_[c][segment].empty()
-                               ? nearest_keypoints(descriptors_.channels[c], group.points)
-                               : rows_[c][segment]);
+      group.rows.push_back(rows_[c][segment].empty() ? nearest_keypoints(c, group.points)
+                                                     : rows_[c][segment]);
     return group;
   }
 
@@ -359,12 +388,17 @@ class SegmentGroups {
     return result;
   }
 
-  Rows nearest_keypoints(const DescriptorChannel& channel,
-                         const std::vector<std::int32_t>& points) const {
+  const NearestNeighbours& keypoints_of(std::size_t channel) const {
+    auto& tree = keypoints_[channel];
+    if (tree) return *tree;
     std::vector<float> xyz;
-    for (const std::int32_t point : channel.keypoint)
+    for (const std::int32_t point : descriptors_.channels[channel].keypoint)
       for (int axis = 0; axis < 3; ++axis) xyz.push_back(cloud_.xyz[3 * point + axis]);
-    const NearestNeighbours keypoints(xyz);
+    return tree.emplace(xyz);
+  }
+
+  Rows nearest_keypoints(std::size_t channel, const std::vector<std::int32_t>& points) const {
+    const NearestNeighbours& keypoints = keypoints_of(channel);
     Rows result;
     if (keypoints.size() == 0) return result;
     for (const std::int32_t point : points)
@@ -377,8 +411,9 @@ class SegmentGroups {
   const Cloud& cloud_;
   const Descriptors& descriptors_;
   const Segments& segments_;
-  std::vector<std::vector<std::int32_t>> points_;  // per segment
-  std::vector<std::vector<Rows>> rows_;            // per channel and segment
+  std::vector<std::vector<std::int32_t>> points_;                    // per segment
+  std::vector<std::vector<Rows>> rows_;                              // per channel and segment
+  mutable std::vector<std::optional<NearestNeighbours>> keypoints_;  // per channel, once wanted
 };
 
 }  // namespace
@@ -488,9 +523,11 @@ Encodings encode_segments(const Cloud& cloud, const Descriptors& descriptors,
                           const Params& params) {
   require_same("points were", cloud.recipe, model.cloud_recipe);
   require_same("descriptors were", descriptors.recipe, model.descriptor_recipe);
+  check_points(cloud);
   check_channels(cloud, descriptors, model);
   Encoding encoding;
   apply_recipe(describe(encoding), model.encoding_recipe);
+  check_work(descriptors, segments, model, encoding, params);
 
   std::vector<std::vector<float>> projected;
   for (std::size_t c = 0; c < model.channels.size(); ++c)

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "core/nearest.hpp"
 #include "sink/sink.hpp"
@@ -22,7 +24,9 @@ constexpr int kTitleHeight = 30;
 constexpr int kSubtitleHeight = 22;
 constexpr int kLegendHeight = 28;  // of one row
 constexpr int kSwatch = 14;
-constexpr float kFill = 0.90F;  // share of the image that the points extend over
+constexpr std::size_t kMostText = 200;     // bytes of a name or title that are drawn
+constexpr std::size_t kMostEntries = 100;  // of the legend
+constexpr float kFill = 0.90F;             // share of the image that the points extend over
 
 const cv::Scalar kInk(40, 40, 40);
 const cv::Scalar kFaintInk(110, 110, 110);
@@ -155,9 +159,11 @@ Dots project(const Panel& panel, cv::Size size) {
   Dots result;
   for (const std::size_t i : points) {
     const Vector3f p = view.axes * (position(cloud, i) - view.eye);
-    if (p.z() <= 1e-6F) continue;
-    result.dot.push_back(
-        {p.x() / p.z(), p.y() / p.z(), p.z(), shade_of(cloud, i, view.eye), panel.group[i]});
+    if (!(p.z() > 1e-6F)) continue;
+    const float x = p.x() / p.z();
+    const float y = p.y() / p.z();
+    if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(p.z())) continue;
+    result.dot.push_back({x, y, p.z(), shade_of(cloud, i, view.eye), panel.group[i]});
   }
   if (result.dot.empty()) return {};
   const float scale = fit_to_image(result.dot, size);
@@ -166,12 +172,17 @@ Dots project(const Panel& panel, cv::Size size) {
   return result;
 }
 
+// `value` as a pixel in -1 .. size; the dots of an odd cloud can be anywhere.
+int pixel(float value, int size) {
+  return value > -1.0F ? static_cast<int>(std::min(value, static_cast<float>(size))) : -1;
+}
+
 // Calls `visit(row, column, squared distance)` for the pixels of a disc.
 void for_each_pixel(const Dot& dot, float radius, cv::Size size, auto visit) {
-  const int top = std::max(0, static_cast<int>(std::ceil(dot.y - radius)));
-  const int bottom = std::min(size.height - 1, static_cast<int>(std::floor(dot.y + radius)));
-  const int left = std::max(0, static_cast<int>(std::ceil(dot.x - radius)));
-  const int right = std::min(size.width - 1, static_cast<int>(std::floor(dot.x + radius)));
+  const int top = std::max(0, pixel(std::ceil(dot.y - radius), size.height));
+  const int bottom = std::min(size.height - 1, pixel(std::floor(dot.y + radius), size.height));
+  const int left = std::max(0, pixel(std::ceil(dot.x - radius), size.width));
+  const int right = std::min(size.width - 1, pixel(std::floor(dot.x + radius), size.width));
   for (int row = top; row <= bottom; ++row)
     for (int column = left; column <= right; ++column) {
       const float dx = static_cast<float>(column) - dot.x;
@@ -231,14 +242,15 @@ float occlusion(const cv::Mat1f& depth, int row, int column, float range) {
 std::vector<std::int32_t> distinct_colours(const Dots& dots, const Visible& visible,
                                            std::size_t count) {
   constexpr std::size_t kColours = 12;
-  std::vector<std::vector<bool>> touch(count, std::vector<bool>(count, false));
+  std::vector<std::set<std::size_t>> touch(count);  // groups of smaller number
   const auto meet = [&](int first, int second) {
     if (first < 0 || second < 0) return;
     const std::int32_t a = dots.dot[static_cast<std::size_t>(first)].group;
     const std::int32_t b = dots.dot[static_cast<std::size_t>(second)].group;
     if (a < 0 || b < 0) return;
-    touch[static_cast<std::size_t>(a)][static_cast<std::size_t>(b)] = true;
-    touch[static_cast<std::size_t>(b)][static_cast<std::size_t>(a)] = true;
+    if (a != b)
+      touch[static_cast<std::size_t>(std::max(a, b))].insert(
+          static_cast<std::size_t>(std::min(a, b)));
   };
   for (int row = 0; row + 1 < visible.dot.rows; ++row)
     for (int column = 0; column + 1 < visible.dot.cols; ++column) {
@@ -249,8 +261,10 @@ std::vector<std::int32_t> distinct_colours(const Dots& dots, const Visible& visi
   std::vector<int> used(kColours, 0);
   for (std::size_t group = 0; group < count; ++group) {
     std::vector<int> cost = used;
-    for (std::size_t other = 0; other < group; ++other)
-      if (touch[group][other]) cost[static_cast<std::size_t>(result[other])] += 1 << 20;
+    for (const std::size_t other : touch[group]) {
+      int& of_colour = cost[static_cast<std::size_t>(result[other])];
+      of_colour = std::min(of_colour + (1 << 20), 1 << 30);
+    }
     const auto colour = std::ranges::min_element(cost) - cost.begin();
     result.push_back(static_cast<std::int32_t>(colour));
     ++used[static_cast<std::size_t>(colour)];
@@ -311,6 +325,7 @@ int text_width(const std::string& text, const Font& font) {
 
 // Shortened at the end to fit into `width`. `at` is the left end of the base line.
 void put_text(cv::Mat3b& image, std::string text, cv::Point at, const Font& font, int width) {
+  text.resize(std::min(text.size(), kMostText));
   while (text.size() > 3 && text_width(text, font) > width)
     text = text.substr(0, text.size() - 4) + "...";
   cv::putText(image, text, at, font.face, font.size, font.ink, 1, cv::LINE_AA);
@@ -319,9 +334,10 @@ void put_text(cv::Mat3b& image, std::string text, cv::Point at, const Font& font
 // All names of all panels in order of appearance; a name's position is its colour.
 std::vector<std::string> legend_names(std::span<const Panel> panels) {
   std::vector<std::string> result;
+  std::set<std::string> known;
   for (const auto& panel : panels)
     for (const auto& name : panel.names)
-      if (std::ranges::find(result, name) == result.end()) result.push_back(name);
+      if (known.insert(name).second) result.push_back(name);
   return result;
 }
 
@@ -333,8 +349,8 @@ struct LegendEntry {
 std::vector<LegendEntry> legend_layout(const std::vector<std::string>& names, int width) {
   std::vector<LegendEntry> result;
   cv::Point at(0, 0);
-  for (const auto& name : names) {
-    const int wide = kSwatch + 8 + text_width(name, kLegendFont) + 24;
+  for (const auto& name : std::span(names).first(std::min(names.size(), kMostEntries))) {
+    const int wide = kSwatch + 8 + text_width(name.substr(0, kMostText), kLegendFont) + 24;
     if (at.x > 0 && at.x + wide > width) at = {0, at.y + kLegendHeight};
     result.push_back({at, name});
     at.x += wide;
@@ -374,9 +390,10 @@ void check_panels(std::span<const Panel> panels, const Layout& layout) {
 
 void draw_panel(cv::Mat3b& image, const Panel& panel, cv::Point corner, cv::Size size,
                 const std::vector<std::string>& names) {
+  std::map<std::string, std::int32_t> place;
+  for (const auto& name : names) place.emplace(name, static_cast<std::int32_t>(place.size()));
   std::vector<std::int32_t> colours;
-  for (const auto& name : panel.names)
-    colours.push_back(static_cast<std::int32_t>(std::ranges::find(names, name) - names.begin()));
+  for (const auto& name : panel.names) colours.push_back(place.at(name));
   put_text(image, panel.title, corner + cv::Point(0, 21), fitted(kTitleFont, size.width),
            size.width);
   put_text(image, panel.subtitle, corner + cv::Point(0, kTitleHeight + 13),

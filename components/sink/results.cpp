@@ -10,16 +10,16 @@ namespace {
 
 // A value per dense point, carried to the input's points.
 std::vector<std::int32_t> on_input(const Cloud& input, const std::vector<std::int32_t>& dense) {
-  std::vector<std::int32_t> result(input.size(), kNoLabel);
-  for (std::size_t i = 0; i < result.size(); ++i)
-    if (const std::int32_t d = input.dense_index[i]; d != kNoPoint) result[i] = dense.at(d);
+  std::vector<std::int32_t> result;
+  for (const std::int32_t d : dense_indices(input, dense.size()))
+    result.push_back(d == kNoPoint ? kNoLabel : dense[static_cast<std::size_t>(d)]);
   return result;
 }
 
 // `input` with the points that were removed from it as NaN: what a picture of the object shows.
 Cloud object_of(const Cloud& input) {
   Cloud object = input;
-  for (std::size_t i = 0; i < input.size(); ++i)
+  for (std::size_t i = 0; i < input.dense_index.size(); ++i)
     if (input.dense_index[i] == kNoPoint) object.xyz[3 * i] = std::nanf("");
   return object;
 }
@@ -83,8 +83,8 @@ Result result_of(const std::string& name, const Cloud& input, const Segments& se
                 .notes = input.notes,
                 .evaluation = evaluate(input, segments, labelling)};
   double confidence = 0.0;
-  for (const std::int32_t d : input.dense_index) {
-    if (d == kNoPoint || labelling.point_label.at(d) == kNoLabel) continue;
+  for (const std::int32_t d : dense_indices(input, labelling.point_label.size())) {
+    if (d == kNoPoint || labelling.point_label[d] == kNoLabel) continue;
     ++result.labelled_points;
     ++result.points_per_label[labelling.point_label[d]];
     confidence += labelling.point_confidence[d];
@@ -119,7 +119,8 @@ std::string results_json(std::span<const Result> results, std::string_view earli
                    {"accuracy", accuracy / evaluated},
                    {"majority_floor", floor / evaluated},
                    {"oracle", oracle / evaluated}};
-  return all.dump(2) + "\n";
+  // Names come from messages and need not be UTF-8: what is not becomes U+FFFD.
+  return all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 std::string picture_of(const PictureOf& frame) {

@@ -23,7 +23,20 @@ Colour mixed(const Colour& colour, float target, float amount) {
   return result;
 }
 
-// The input's points as indices into the dense cloud.
+// Position of each of `names` in `among`; kNoLabel where it is missing.
+std::vector<std::int32_t> positions(const std::vector<std::string>& names,
+                                    const std::vector<std::string>& among) {
+  std::vector<std::int32_t> result;
+  for (const auto& name : names) {
+    const auto found = std::ranges::find(among, name);
+    result.push_back(found == among.end() ? kNoLabel
+                                          : static_cast<std::int32_t>(found - among.begin()));
+  }
+  return result;
+}
+
+}  // namespace
+
 std::vector<std::int32_t> dense_indices(const Cloud& input, std::size_t dense_size) {
   std::vector<std::int32_t> result = input.dense_index;
   if (result.empty())
@@ -39,20 +52,6 @@ std::vector<std::int32_t> dense_indices(const Cloud& input, std::size_t dense_si
                           " labelled ones");
   return result;
 }
-
-// Position of each of `names` in `among`; kNoLabel where it is missing.
-std::vector<std::int32_t> positions(const std::vector<std::string>& names,
-                                    const std::vector<std::string>& among) {
-  std::vector<std::int32_t> result;
-  for (const auto& name : names) {
-    const auto found = std::ranges::find(among, name);
-    result.push_back(found == among.end() ? kNoLabel
-                                          : static_cast<std::int32_t>(found - among.begin()));
-  }
-  return result;
-}
-
-}  // namespace
 
 Labelled to_input(const Cloud& input, const Labelling& labelling) {
   const auto dense = dense_indices(input, labelling.point_label.size());

@@ -18,6 +18,10 @@ struct Labelled {
 };
 Labelled to_input(const Cloud& input, const Labelling& labelling);
 
+// Per point of `input` the point of a dense cloud of `dense_size` points that stands for it;
+// kNoPoint where it was removed. Throws MismatchError if input.dense_index does not fit.
+std::vector<std::int32_t> dense_indices(const Cloud& input, std::size_t dense_size);
+
 // Compares labels by name over the points that have a true label and were not removed.
 struct Evaluation {
   std::int64_t points = 0;

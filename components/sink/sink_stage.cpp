@@ -55,7 +55,7 @@ class SinkStage final : public graph::Stage {
     const Labelling labelling = labelling_.get(frame);
     const sink::Labelled labelled = sink::to_input(input, labelling);
 
-    const fs::path base = fs::path(folder_) / frame.name();
+    const fs::path base = fs::path(folder_) / file_name(frame.name());
     if (picture_) write_picture(base.string() + ".png", frame.name(), input, segments, labelling);
     const io::Column confidence{.name = "confidence", .value = labelled.confidence};
     io::write_cloud(base.string() + "." + std::string(to_name(format_)), labelled.cloud,
@@ -67,6 +67,14 @@ class SinkStage final : public graph::Stage {
   }
 
  private:
+  // A frame's name comes with its messages, and must not lead out of the folder.
+  static const std::string& file_name(const std::string& frame) {
+    if (frame.empty() || frame.find('/') != std::string::npos ||
+        frame.find('\0') != std::string::npos)
+      throw InputError("the frame's name '" + frame + "' cannot be that of a file");
+    return frame;
+  }
+
   fs::path results_file() const { return fs::path(folder_) / "results.json"; }
 
   void write_picture(const fs::path& file, const std::string& name, const Cloud& input,

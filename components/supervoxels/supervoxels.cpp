@@ -21,6 +21,7 @@ using Clustering = pcl::SupervoxelClustering<Point>;
 using Clusters = std::map<std::uint32_t, pcl::Supervoxel<Point>::Ptr>;
 
 constexpr std::int32_t kNone = -1;
+constexpr double kMostVoxels = 1 << 20;  // from the sensor: float tells them apart just so
 
 std::uint8_t to_byte(float value) {
   return static_cast<std::uint8_t>(std::lround(255.0F * std::clamp(value, 0.0F, 1.0F)));
@@ -43,6 +44,15 @@ pcl::PointCloud<Point>::Ptr to_pcl(const Cloud& dense) {
     point.b = to_byte(dense.rgb[3 * i + 2]);
   }
   return cloud;
+}
+
+void check_extent(const pcl::PointCloud<Point>& cloud, double voxel) {
+  float farthest = 0.0F;
+  for (const Point& p : cloud)
+    farthest = std::max({farthest, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  if (farthest > kMostVoxels * voxel)
+    throw InputError("the dense cloud is " + std::to_string(farthest) +
+                     " away from its sensor, too far for voxels of " + std::to_string(voxel));
 }
 
 // PCL's label per point, 0 where it gave none.
@@ -139,7 +149,9 @@ Supervoxels compute(const Cloud& dense, const Params& params) {
   clustering.setColorImportance(static_cast<float>(params.color_weight));
   clustering.setSpatialImportance(static_cast<float>(params.spatial_weight));
   clustering.setNormalImportance(static_cast<float>(params.normal_weight));
-  clustering.setInputCloud(to_pcl(dense));
+  const auto cloud = to_pcl(dense);
+  check_extent(*cloud, params.voxel * dense.scale);
+  clustering.setInputCloud(cloud);
   Clusters clusters;
   clustering.extract(clusters);
 

@@ -25,6 +25,7 @@ using Rows = Eigen::Map<const Matrix>;
 
 constexpr double kTolerance = 1e-4;  // of the optimality conditions, in units of the margin
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::int64_t kMostProducts = 1 << 28;  // of vectors and labels or support vectors
 
 Rows as_rows(std::span<const float> values, std::int32_t columns) {
   return {values.data(), static_cast<Eigen::Index>(values.size()) / columns, columns};
@@ -281,6 +282,13 @@ std::vector<float> margins(const Classifier& classifier, std::span<const float> 
     throw MismatchError("the classifier takes vectors of " + std::to_string(classifier.dimension) +
                         " numbers");
   const Rows rows = as_rows(vectors, classifier.dimension);
+  const auto support_count =
+      static_cast<std::int64_t>(classifier.support.size()) / classifier.dimension;
+  const std::int64_t wide = std::max<std::int64_t>(classifier.label_count, support_count);
+  if (wide > 0 && rows.rows() > kMostProducts / wide)
+    throw InputError(std::to_string(rows.rows()) + " vectors are too many for a classifier of " +
+                     std::to_string(classifier.label_count) + " labels and " +
+                     std::to_string(support_count) + " support vectors");
   const Eigen::Map<const Eigen::RowVectorXf> bias(classifier.bias.data(), classifier.label_count);
   std::vector<float> result(rows.rows() * classifier.label_count);
   Eigen::Map<Matrix> out(result.data(), rows.rows(), classifier.label_count);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/error.hpp"
+#include "core/nearest.hpp"
 #include "core/random.hpp"
 #include "model/model.hpp"
 
@@ -13,6 +14,9 @@ namespace cosegraph::training {
 namespace {
 
 using Labels = std::vector<std::int32_t>;
+
+constexpr std::size_t kMostPoints = 200'000;  // of a view
+constexpr std::size_t kMostParts = 1000;
 
 // The views' labels in the model's terms.
 struct Parts {
@@ -46,19 +50,20 @@ Parts parts_of(std::span<const View> views) {
   Parts parts{.names = union_of_names(views)};
   std::vector<std::size_t> shown(parts.names.size(), 0);
   std::size_t total = 0;
-  for (std::size_t v = 0; v < views.size(); ++v) {
-    parts.of_point.push_back(renamed(views[v].cloud, parts.names));
-    const std::size_t before = total;
+  for (const View& view : views) {
+    parts.of_point.push_back(renamed(view.cloud, parts.names));
     for (const std::int32_t label : parts.of_point.back()) {
       if (label == kNoLabel) continue;
       ++shown[label];
       ++total;
     }
-    if (total == before) throw InputError(view_name(v) + " has no labels");
   }
   if (parts.names.size() < 2)
     throw InputError("the reference has a single part, '" + parts.names[0] +
                      "': there is nothing to tell apart");
+  if (parts.names.size() > kMostParts)
+    throw InputError("the reference has " + std::to_string(parts.names.size()) +
+                     " parts, more than " + std::to_string(kMostParts));
   for (std::size_t l = 0; l < shown.size(); ++l) {
     if (shown[l] == 0) throw InputError("no view shows the part '" + parts.names[l] + "'");
     parts.share.push_back(static_cast<float>(shown[l]) / static_cast<float>(total));
@@ -95,42 +100,50 @@ void check_channels(const View& view, std::size_t index) {
   }
 }
 
-void check_spectrum(const View& view, std::size_t index) {
+void check_cloud(const View& view, std::size_t index) {
+  try {
+    check_sizes(view.cloud);
+  } catch (const InputError& error) {
+    throw InputError(view_name(index) + ": " + error.what());
+  }
+  if (view.cloud.size() > kMostPoints)
+    throw InputError(view_name(index) + " has " + std::to_string(view.cloud.size()) +
+                     " points, more than " + std::to_string(kMostPoints));
+  const auto usable = [](float x) { return std::abs(x) <= NearestNeighbours::kFarthest; };
+  if (!std::ranges::all_of(view.cloud.xyz, usable))
+    throw InputError(view_name(index) + " has a point that is not finite, or too far out");
+  if (std::ranges::all_of(view.cloud.label, [](auto label) { return label == kNoLabel; }))
+    throw InputError(view_name(index) + " has no labels");
+}
+
+void check_appearance(const View& view, std::size_t index, const View& first) {
+  check_cloud(view, index);
+  check_channels(view, index);
+  require_same(index, "points were made with", view.cloud.recipe, first.cloud.recipe);
+  require_same(index, "descriptors were made with", view.descriptors.recipe,
+               first.descriptors.recipe);
+  require_same(index, "descriptor channels are", channel_names(view.descriptors),
+               channel_names(first.descriptors));
+}
+
+void check_spectrum(const View& view, std::size_t index, const View& first) {
+  if (view.spectrum.has_value() != first.spectrum.has_value())
+    throw MismatchError(view_name(index) + (view.spectrum ? " has" : " lacks") +
+                        " a spectrum, unlike view 0");
+  if (!view.spectrum) return;
   const auto points = static_cast<std::int32_t>(view.cloud.size());
   if (std::ranges::any_of(view.spectrum->sample, [=](auto p) { return p < 0 || p >= points; }))
     throw InputError(view_name(index) + ": a spectrum sample is not a point of the cloud");
+  require_same(index, "the spectrum was made with", view.spectrum->recipe, first.spectrum->recipe);
 }
 
 void check_views(std::span<const View> views) {
   if (views.empty()) throw InputError("no view to learn from");
-  for (std::size_t v = 0; v < views.size(); ++v) {
-    const View& view = views[v];
-    try {
-      check_sizes(view.cloud);
-    } catch (const InputError& error) {
-      throw InputError(view_name(v) + ": " + error.what());
-    }
-    if (view.cloud.label.empty()) throw InputError(view_name(v) + " has no labels");
-    check_channels(view, v);
-    require_same(v, "points were made with", view.cloud.recipe, views[0].cloud.recipe);
-    require_same(v, "descriptors were made with", view.descriptors.recipe,
-                 views[0].descriptors.recipe);
-    require_same(v, "descriptor channels are", channel_names(view.descriptors),
-                 channel_names(views[0].descriptors));
-  }
+  for (std::size_t v = 0; v < views.size(); ++v) check_appearance(views[v], v, views[0]);
 }
 
-// All views or none have a spectrum, of one kind.
 void check_spectra(std::span<const View> views) {
-  for (std::size_t v = 0; v < views.size(); ++v) {
-    const View& view = views[v];
-    if (view.spectrum.has_value() != views[0].spectrum.has_value())
-      throw MismatchError(view_name(v) + (view.spectrum ? " has" : " lacks") +
-                          " a spectrum, unlike view 0");
-    if (!view.spectrum) continue;
-    check_spectrum(view, v);
-    require_same(v, "the spectrum was made with", view.spectrum->recipe, views[0].spectrum->recipe);
-  }
+  for (std::size_t v = 0; v < views.size(); ++v) check_spectrum(views[v], v, views[0]);
 }
 
 // Descriptors of channel `c` at labelled points of all views; a seeded subset if there are more
@@ -319,6 +332,11 @@ Fields describe(Params& params) {
                      "Pairs of such points that make two parts neighbours.")});
 }
 
+void check_view(const View& view, std::size_t index, const View& first) {
+  check_appearance(view, index, first);
+  check_spectrum(view, index, first);
+}
+
 AppearanceModel learn_appearance(std::span<const View> views, const Params& params,
                                  const Progress& progress) {
   const auto report = [&](std::string_view step, double done) {
@@ -365,6 +383,8 @@ Model train(std::span<const View> views, const Params& params, const Progress& p
   if (progress) progress("relations", 0.0);
   model.relation = learn_relations(views, params);
   model.appearance.id = model.relation.id = model::content_id(model);
+  model::check(model.appearance);
+  model::check(model.relation);
   if (progress) progress("relations", 1.0);
   return model;
 }

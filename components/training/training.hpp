@@ -35,6 +35,10 @@ struct View {
   std::optional<Spectrum> spectrum;
 };
 
+// Throws what train() would throw because of that view alone, the one of that index among views
+// that begin with `first`.
+void check_view(const View& view, std::size_t index, const View& first);
+
 // Called with a step's name and the fraction done.
 using Progress = std::function<void(std::string_view step, double done)>;
 

@@ -24,6 +24,8 @@ class TrainingStage final : public graph::Stage {
           "before this one: start the graph anew");
     training::View view{.cloud = cloud_.get(frame), .descriptors = descriptors_.get(frame)};
     if (spectrum_.connected()) view.spectrum = spectrum_.get(frame);
+    // One that is refused now fails its frame, and not the others with it.
+    training::check_view(view, views_.size(), views_.empty() ? view : views_.front());
     views_.push_back(std::move(view));
   }
 

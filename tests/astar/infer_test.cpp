@@ -187,6 +187,14 @@ TEST(Infer, RefusesSpatialTermsThatDoNotFit) {
   EXPECT_THROW(scene.infer(iso), MismatchError);
 }
 
+TEST(Infer, RefusesMoreSegmentsThanItCanCompare) {
+  Scene scene;
+  scene.segments.count = scene.scores.segment_count = 10000;
+  scene.scores.probability.assign(10000 * scene.scores.label_names.size(), 0.3F);
+  EXPECT_NO_THROW(scene.infer({}));
+  EXPECT_THROW(scene.infer({.spatial = Spatial::iso}), InputError);
+}
+
 TEST(Infer, RefusesScoresAndSegmentsThatDoNotFit) {
   Scene scene;
   scene.scores.segment_count = 3;

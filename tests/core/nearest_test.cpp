@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
+#include "core/error.hpp"
 #include "core/random.hpp"
 
 namespace cosegraph {
@@ -169,6 +171,24 @@ TEST(NearestNeighbours, KeepTheirPointsWhenMovedAndWhenTheInputGoes) {
   const float query[] = {0.9F, 0.0F, 0.0F};
   EXPECT_EQ(tree.size(), 2U);
   EXPECT_EQ(tree.nearest_index(query), 1);
+}
+
+TEST(NearestNeighbours, RefuseNumbersWhoseSquaresAreNotFinite) {
+  for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity(), 1e19F, -1e30F}) {
+    const Points points = {0.0F, 0.0F, 0.0F, 1.0F, bad, 0.0F};
+    EXPECT_THROW(NearestNeighbours{points}, InputError) << bad;
+    const NearestNeighbours tree(uniform_points(5, 1));
+    EXPECT_THROW(tree.nearest(&points[3], 2), InputError) << bad;
+    EXPECT_THROW(tree.within(&points[3], 1.0F), InputError) << bad;
+  }
+}
+
+TEST(NearestNeighbours, AreFoundAsFarOutAsIsAllowed) {
+  const float far = NearestNeighbours::kFarthest;
+  const NearestNeighbours tree(Points{far, far, far, -far, -far, -far});
+  const float query[] = {-far, far, -far};
+  EXPECT_EQ(tree.nearest_index(query), 1);
+  EXPECT_EQ(tree.nearest(query, 5).size(), 2U);
 }
 
 }  // namespace

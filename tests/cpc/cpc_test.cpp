@@ -167,6 +167,12 @@ TEST(Segments, RefuseSupervoxelsThatDoNotFitTogether) {
   damaged.centroid[4] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THROW(compute(damaged, {}), InputError);
   damaged = good;
+  damaged.centroid[4] = 1e20F;
+  EXPECT_THROW(compute(damaged, {}), InputError);
+  damaged = good;
+  damaged.seed_resolution = 1e-30F;
+  EXPECT_THROW(compute(damaged, {}), InputError);
+  damaged = good;
   damaged.of_point[0] = -1;
   EXPECT_THROW(compute(damaged, {}), InputError);
   Params params;

@@ -141,6 +141,12 @@ TEST(Descriptors, RefuseCloudsTheyCannotDescribe) {
   EXPECT_THROW(computed(damaged, {"fpfh:0.1"}), InputError);
 }
 
+TEST(Descriptors, RefuseNeighbourhoodsThatHoldEverything) {
+  Cloud cloud = bumpy_egg(50000);
+  cloud.scale *= 1000.0F;
+  EXPECT_THROW(computed(cloud, {"fpfh:0.1"}), InputError);
+}
+
 TEST(Descriptors, RefuseNoChannelAndTheSameTwice) {
   const Cloud egg = bumpy_egg(500);
   EXPECT_THROW(computed(egg, {}), ParameterError);

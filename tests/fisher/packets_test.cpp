@@ -288,6 +288,20 @@ TEST(EncodeSegments, DoesNotLetOneSegmentInfluenceAnother) {
   EXPECT_EQ(vectors_of(query.encode(), 0), vectors_of(before, 0));
 }
 
+TEST(EncodeSegments, RefusesPointsThatAreNotFiniteOrTooFarOut) {
+  for (const float bad : {std::nanf(""), 1e20F}) {
+    Query query;
+    query.cloud.xyz[4] = bad;
+    EXPECT_THROW(query.encode(), InputError) << bad;
+  }
+}
+
+TEST(EncodeSegments, RefusesTablesBeyondAllMeasure) {
+  Query query;
+  query.segments.count = 1 << 28;  // without points: it costs a message nothing to say so
+  EXPECT_THROW(query.encode(), InputError);
+}
+
 TEST(EncodeSegments, BorrowsKeypointsWhereAChannelHasNone) {
   Query query;
   for (const auto point : query.scene.channels[1].keypoint) query.segments.of_point[point] = 0;

@@ -91,7 +91,7 @@ inline Catalog fake_catalog() {
 // The whole graph from source to sink.
 inline const std::string kSegmentGraph = R"(version: 1
 graph: segment
-dds: {domain: 7, discovery: {peers: [10.0.0.2, rack.local]}}
+dds: {domain: 7, rate: 80.5, discovery: {peers: [10.0.0.2, rack.local]}}
 window: 8
 deadline: 2.5
 hosts:

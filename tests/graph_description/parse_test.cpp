@@ -72,6 +72,7 @@ GraphDescription random_graph(Random& random) {
   GraphDescription graph{.file = "made", .graph = random_name(random)};
   graph.dds.domain = static_cast<int>(random.below(233));
   graph.dds.discovery = static_cast<Discovery>(random.below(3));
+  graph.dds.rate = random.uniform(0.0, 1000.0);
   if (graph.dds.discovery == Discovery::peers)
     graph.dds.peers = {random_value(random) + "x", random_name(random)};
   if (graph.dds.discovery == Discovery::server) graph.dds.server = random_name(random) + ":7400";
@@ -119,6 +120,7 @@ TEST(Parse, ReadsEveryKey) {
   EXPECT_EQ(graph.file, "test.yaml");
   EXPECT_EQ(graph.graph, "segment");
   EXPECT_EQ(graph.dds.domain, 7);
+  EXPECT_EQ(graph.dds.rate, 80.5);
   EXPECT_EQ(graph.dds.discovery, Discovery::peers);
   EXPECT_THAT(graph.dds.peers, ElementsAre("10.0.0.2", "rack.local"));
   EXPECT_EQ(graph.window, 8);
@@ -172,6 +174,7 @@ TEST(Parse, LeavesDefaultsWhereKeysAreAbsent) {
   EXPECT_EQ(graph.window, defaults.window);
   EXPECT_EQ(graph.deadline, defaults.deadline);
   EXPECT_EQ(graph.dds.domain, 0);
+  EXPECT_EQ(graph.dds.rate, 0.0);
   EXPECT_EQ(graph.dds.discovery, Discovery::multicast);
 }
 
@@ -242,7 +245,7 @@ TEST(ToYaml, IsPlainWherePlainWillDo) {
   EXPECT_EQ(to_yaml(graph),
             "version: 1\n"
             "graph: g\n"
-            "dds: {domain: 0, discovery: multicast}\n"
+            "dds: {domain: 0, rate: 0, discovery: multicast}\n"
             "window: 4\n"
             "deadline: 60\n"
             "hosts:\n"

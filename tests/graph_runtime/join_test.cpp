@@ -246,5 +246,47 @@ TEST(Join, FramesOfAReplicaThatIsGivenUpFallToTheNextOne) {
   EXPECT_EQ(all_ready(join), (Sequences{})) << "9 is the returned one's";
 }
 
+// A stranger can claim any frame.
+TEST(Join, OfFramesFarAheadOnlyTheNearestAreKept) {
+  Join join({"a", "b"}, {.window = 3});
+  for (std::uint64_t i = 0; i < 5000; ++i) join.add("a", frame(1'000'000 + i), sample());
+  EXPECT_LE(join.waiting(), 1024U);
+  EXPECT_EQ(join.ignored(), 5000 - join.waiting());
+  for (std::uint64_t i = 0; i < 20; ++i)
+    for (const char* port : {"a", "b"}) join.add(port, frame(i), sample());
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    const auto released = join.take();
+    ASSERT_TRUE(released) << i;
+    EXPECT_EQ(released->header.sequence, i);
+    EXPECT_EQ(released->inputs.size(), 2U);
+  }
+}
+
+TEST(Join, OfLargeFramesFarAheadFewAreKept) {
+  constexpr std::size_t kSize = 40U << 20U;
+  const auto large = std::make_shared<const idl::Bytes>(kSize);  // shared: it costs once
+  Join join({"a"}, {.window = 1});
+  for (std::uint64_t i = 100; i < 200; ++i) join.add("a", frame(i), large);
+  EXPECT_LE(join.waiting() * kSize, std::size_t{256} << 20U);
+  join.add("a", frame(0), large);
+  EXPECT_EQ(join.take()->header.sequence, 0U);
+}
+
+TEST(Join, FailuresFarAheadAreShedToo) {
+  Join join({"a"}, {.window = 1});
+  for (std::uint64_t i = 1; i < 3000; ++i) join.fail(frame(i), "x", "made up");
+  EXPECT_LE(join.waiting(), 1024U);
+}
+
+// One that takes only its share drops what is behind the newest: it must not be led astray.
+TEST(Join, ReplicaDoesNotFollowAFrameThatNoStreamCanHaveReached) {
+  Join join({"a"}, {.window = 2, .replica = 0, .replicas = 2});
+  join.settle({1, 0});
+  join.add("a", frame(std::uint64_t{1} << 60U), sample());
+  join.add("a", frame(0), sample());
+  ASSERT_TRUE(join.ready());
+  EXPECT_EQ(join.take()->header.sequence, 0U);
+}
+
 }  // namespace
 }  // namespace cosegraph::graph

@@ -35,6 +35,22 @@ TEST(Ledger, OneFailedLeafFailsTheFrame) {
   EXPECT_EQ(ledger.account().consumed, 0U);
 }
 
+// A stranger can claim a frame before the source has come to it.
+TEST(Ledger, ReportsThatComeEarlyHoldForTheirFrame) {
+  Ledger ledger({"sink", "recorder"}, 4);
+  ledger.done("sink", frame(1), {Outcome::failed, "cpc", "why"});
+  ledger.done("sink", frame(100), {Outcome::failed, "cpc", "too far ahead"});
+  for (std::uint64_t i = 0; i < 2; ++i) {
+    ledger.admit(frame(i), Clock::now());
+    ledger.done("recorder", frame(i), {Outcome::labelled});
+  }
+  EXPECT_EQ(ledger.open(), std::vector<std::uint64_t>{0});
+  EXPECT_EQ(ledger.account().failed, 1U);
+  ledger.admit(frame(100), Clock::now());
+  ledger.done("recorder", frame(100), {Outcome::labelled});
+  EXPECT_EQ(ledger.open(), (std::vector<std::uint64_t>{0, 100}));
+}
+
 // admitted = labelled + consumed + failed + in flight, at every moment and for any order.
 TEST(Ledger, AccountClosesAtEveryMoment) {
   Random random(3);

@@ -140,6 +140,15 @@ TEST(KeyCheck, NamesTheFolderThatIsNotThere) {
                                          " makes it"));
 }
 
+TEST(KeyCheck, RefusesADiscoveryServer) {
+  KeyWorld world;
+  world.graph().dds.discovery = Discovery::server;
+  world.graph().dds.server = "10.0.0.1:11811";
+  EXPECT_THAT(faults(world),
+              ElementsAre("security: a discovery server has no keys, so nobody would "
+                          "be found; use multicast or peers"));
+}
+
 TEST(KeyCheck, NamesEveryFault) {
   KeyWorld world;
   fs::remove(world.path("keys/identity_ca.pem"));

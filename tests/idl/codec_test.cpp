@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <limits>
+
 namespace cosegraph::idl {
 namespace {
 
@@ -220,17 +222,17 @@ TEST(Codec, LayoutsEndWhereMessagesEnd) {
   EXPECT_EQ(whole_size(example_cloud()), 0U);
   EXPECT_EQ(whole_size(example_appearance()), 0U);
   EXPECT_EQ(whole_size(example_relations()), 0U);
-  EXPECT_EQ(whole_size(Segments{.of_supervoxel = {0},
+  EXPECT_EQ(whole_size(Segments{.of_supervoxel = {0, 1},
                                 .of_point = {0},
-                                .count = 1,
-                                .adjacency = {{0, 0}},
+                                .count = 2,
+                                .adjacency = {{0, 1}},
                                 .concavity = {0.5F}}),
             0U);
   EXPECT_EQ(whole_size(Supervoxels{.of_point = {0},
-                                   .centroid = {0, 0, 0},
-                                   .normal = {0, 0, 1},
-                                   .point_count = {1},
-                                   .adjacency = {{0, 0}},
+                                   .centroid = {0, 0, 0, 1, 0, 0},
+                                   .normal = {0, 0, 1, 0, 0, 1},
+                                   .point_count = {1, 0},
+                                   .adjacency = {{0, 1}},
                                    .seed_resolution = 1.0F}),
             0U);
   EXPECT_EQ(whole_size(Descriptors{
@@ -347,6 +349,56 @@ TEST(Codec, OrdersAndReportsOfAgentsSurvive) {
   EXPECT_EQ(agent.newcomer, 7U);
   const LogLines log = round_trip(LogLines{.host = "h", .stage = "s", .lines = {"one", "two"}});
   EXPECT_THAT(log.lines, testing::ElementsAre("one", "two"));
+}
+
+TEST(Codec, AdjacencyThatIsNoListOfDifferentPairsIsRefused) {
+  Segments segments{.of_supervoxel = {0, 1, 2}, .count = 3, .concavity = {0.5F, 0.5F}};
+  for (const auto& adjacency : {std::vector<std::array<std::int32_t, 2>>{{0, 1}, {0, 1}},
+                                {{1, 2}, {0, 1}},
+                                {{0, 1}, {2, 1}},
+                                {{0, 1}, {2, 2}}}) {
+    segments.adjacency = adjacency;
+    EXPECT_THROW(round_trip(segments), InputError);
+  }
+}
+
+// What a message can claim without having the bytes for it.
+TEST(Codec, NumbersOfSegmentsAreBounded) {
+  EXPECT_NO_THROW(round_trip(Encodings{.segment_count = kMostSegments, .dimension = 1}));
+  EXPECT_THROW(round_trip(Encodings{.segment_count = kMostSegments + 1, .dimension = 1}),
+               InputError);
+}
+
+TEST(Codec, VectorsThatAreNotFiniteAreRefused) {
+  Encodings encodings{.segment_count = 1, .dimension = 2, .segment = {0}, .value = {1.0F, 2.0F}};
+  EXPECT_NO_THROW(round_trip(encodings));
+  encodings.value[1] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(round_trip(encodings), InputError);
+}
+
+TEST(Codec, SpectrumThatWouldGiveNoDistancesIsRefused) {
+  const Spectrum fine{.recipe = "r",
+                      .sample = {0},
+                      .sample_dense = {0},
+                      .eigenvalue = {1.0F},
+                      .eigenfunction = {1.0F},
+                      .component = {0},
+                      .nearest_sample = {0}};
+  EXPECT_NO_THROW(round_trip(fine));
+  Spectrum odd = fine;
+  odd.eigenvalue = {1e-44F};  // its inverse is infinite
+  EXPECT_THROW(round_trip(odd), InputError);
+  odd = fine;
+  odd.eigenfunction = {std::numeric_limits<float>::quiet_NaN()};
+  EXPECT_THROW(round_trip(odd), InputError);
+}
+
+TEST(Codec, CheckIsDecodeByName) {
+  const Bytes bytes = encode(kHeader, example_cloud());
+  EXPECT_NO_THROW(check("Cloud", bytes));
+  EXPECT_THROW(check("Cloud", std::span(bytes).first(bytes.size() - 1)), InputError);
+  EXPECT_THROW(check("Teapot", bytes), InputError);
+  for (const auto type : type_names()) EXPECT_THROW(check(type, {}), InputError) << type;
 }
 
 TEST(Codec, EveryEnumValueHasAName) {

@@ -122,5 +122,11 @@ TEST(Members, OfBigEndianMessages) {
               ElementsAre(decode<StreamEnd>(bytes).count));
 }
 
+// As of a hostile message: a matrix whose columns nobody has named.
+TEST(Members, OfAMatrixWithoutColumnsAreAList) {
+  const Scores odd{.segment_count = 1, .probability = {0.5F, 0.25F}};
+  EXPECT_THAT(values_of<double>(odd, "probability"), ElementsAre(0.5, 0.25));
+}
+
 }  // namespace
 }  // namespace cosegraph::idl

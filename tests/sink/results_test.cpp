@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <limits>
 #include <nlohmann/json.hpp>
 
 namespace cosegraph::sink {
@@ -83,6 +84,46 @@ TEST(Results, PictureIsWiderWithReferenceAndTrueLabels) {
     return static_cast<unsigned char>(png[18]) * 256 + static_cast<unsigned char>(png[19]);
   };
   EXPECT_GT(width(picture_of(with)), width(picture_of(without)));
+}
+
+TEST(Results, OfAnInputThatIsTheDenseCloudNeedNoIndices) {
+  Cloud dense = kInput;
+  dense.dense_index.clear();
+  dense.label.clear();
+  dense.label_names.clear();
+  dense.xyz.resize(9);
+  dense.width = 3;
+  EXPECT_EQ(result_of("mug", dense, kSegments, kLabelling).labelled_points, 3);
+  const PictureOf frame{
+      .name = "mug", .input = &dense, .segments = &kSegments, .labelling = &kLabelling};
+  EXPECT_FALSE(picture_of(frame).empty());
+}
+
+TEST(Results, OfCloudsThatDoNotFitTogetherAreRefused) {
+  Cloud bare = kInput;
+  bare.label.clear();
+  bare.label_names.clear();
+  Segments fewer = kSegments;
+  fewer.of_point.pop_back();
+  EXPECT_THROW(
+      picture_of({.name = "mug", .input = &bare, .segments = &fewer, .labelling = &kLabelling}),
+      MismatchError);
+  bare.dense_index.clear();
+  EXPECT_THROW(result_of("mug", bare, kSegments, kLabelling), MismatchError);
+  EXPECT_THROW(
+      picture_of({.name = "mug", .input = &bare, .segments = &kSegments, .labelling = &kLabelling}),
+      MismatchError);
+}
+
+// One frame of an odd name must not keep the figures of all others from being written.
+TEST(Results, JsonReplacesWhatIsNotUtf8) {
+  Result odd = result_of("mug", kInput, kSegments, kLabelling);
+  odd.name = "m\xffg";
+  odd.notes = {"\xc3"};
+  odd.energy = std::numeric_limits<double>::quiet_NaN();
+  const auto json = nlohmann::json::parse(results_json({&odd, 1}));
+  EXPECT_EQ(json["frames"][0]["name"], "m\xef\xbf\xbdg");
+  EXPECT_TRUE(json["frames"][0]["energy"].is_null());
 }
 
 }  // namespace

@@ -232,6 +232,12 @@ TEST(Supervoxels, RefuseCloudsTheyCannotWorkOn) {
   damaged = flat();
   damaged.scale = 0.0F;
   EXPECT_THROW(computed(damaged), InputError);
+  damaged = flat();
+  damaged.xyz[7] = 1e20F;  // PCL would number voxels up to there
+  EXPECT_THROW(computed(damaged), InputError);
+  damaged = flat();
+  damaged.scale = 1e-20F;
+  EXPECT_THROW(computed(damaged), InputError);
   Params params;
   params.seed = 0.01;
   EXPECT_THROW(compute(flat(), params), ParameterError);

@@ -233,6 +233,16 @@ TEST(Margins, RefuseVectorsOfAnotherDimension) {
   EXPECT_THROW(margins(classifier, std::vector<float>(4)), MismatchError);
 }
 
+TEST(Margins, RefuseTablesBeyondAllMeasure) {
+  constexpr int kLabels = 1 << 20;
+  const Classifier classifier{.kernel = "linear",
+                              .dimension = 1,
+                              .label_count = kLabels,
+                              .weight = std::vector<float>(kLabels),
+                              .bias = std::vector<float>(kLabels)};
+  EXPECT_THROW(margins(classifier, std::vector<float>(257)), InputError);
+}
+
 // A classifier whose margins are the vectors themselves.
 AppearanceModel identity_model() {
   AppearanceModel model;

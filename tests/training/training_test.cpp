@@ -316,6 +316,10 @@ TEST(Training, RefusesViewsItCannotLearnFrom) {
   std::ranges::fill(views[2].cloud.label, kNoLabel);
   EXPECT_EQ(refusal<InputError>(views), "view 2 has no labels");
 
+  views = synthetic_views();
+  views[1].cloud.xyz[4] = std::nanf("");
+  EXPECT_EQ(refusal<InputError>(views), "view 1 has a point that is not finite, or too far out");
+
   EXPECT_THAT(refusal<InputError>({synthetic_view(1, 1)}), HasSubstr("single part, 'body'"));
 
   views = synthetic_views();
