@@ -22,6 +22,8 @@
 #include <mutex>
 #include <set>
 
+#include "graph/credentials.hpp"
+#include "graph/dds_security.hpp"
 #include "graph/discovery.hpp"
 #include "graph/interfaces.hpp"
 
@@ -301,17 +303,19 @@ class DdsReader final : public Reader {
 }  // namespace
 
 Participant::Participant(const GraphDescription& graph, const std::string& name,
-                         dds::DomainParticipantListener* listener)
+                         const Identity& identity, dds::DomainParticipantListener* listener)
     : impl_(std::make_unique<Impl>()) {
+  require_keys(graph, identity);
   static std::once_flag quiet;
   std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   for (const auto& host : graph.hosts) count_as_connected(host.address);
   const auto between_hosts = topics_between_hosts(graph, name);
   if (graph.dds.rate > 0.0) impl_->rate_limited = between_hosts;
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  impl_->participant = factory->create_participant(
-      static_cast<std::uint32_t>(graph.dds.domain),
-      participant_qos(graph, name, !between_hosts.empty()), listener, dds::StatusMask::none());
+  dds::DomainParticipantQos qos = participant_qos(graph, name, !between_hosts.empty());
+  if (!graph.dds.security.empty()) set_security(key_files(graph, identity), qos);
+  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
+                                                   qos, listener, dds::StatusMask::none());
   if (impl_->participant == nullptr)
     throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
   dds::PublisherQos publisher;

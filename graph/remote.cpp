@@ -87,7 +87,8 @@ std::map<std::string, ObservedAgent> Remote::agents(std::chrono::milliseconds pa
 std::string Remote::order(idl::Command command, std::chrono::milliseconds patience,
                           const std::function<void(const std::string&)>& on_progress) {
   // Whoever answers must have found the way back.
-  for (const auto limit = Clock::now() + 2s;
+  const auto patience_to_meet = impl_->graph.dds.security.empty() ? 2s : 10s;
+  for (const auto limit = Clock::now() + patience_to_meet;
        impl_->replies->matched() < static_cast<int>(impl_->observer.agents().size()) &&
        Clock::now() < limit;)
     std::this_thread::sleep_for(5ms);

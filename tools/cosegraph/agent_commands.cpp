@@ -27,8 +27,12 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using Json = nlohmann::ordered_json;
 
-constexpr auto kAgentPatience = 2s;  // for agents to be heard
 constexpr auto kSilentAfter = 1s;
+
+// For agents to be heard; those with keys take longer to meet.
+std::chrono::milliseconds patience_with(const graph::GraphDescription& graph) {
+  return graph.dds.security.empty() ? 2s : 10s;
+}
 
 // What every command about a running graph is told.
 struct Target {
@@ -87,8 +91,9 @@ double seconds_since(Clock::time_point time) {
 
 // Two looks at every process, so that its use of the CPU can be told.
 std::vector<Row> look(graph::Remote& remote, const graph::GraphDescription& graph) {
-  remote.agents(kAgentPatience);
-  const Looks looks = look_twice(remote.observer(), graph, 1500ms);
+  remote.agents(patience_with(graph));
+  const auto patience = graph.dds.security.empty() ? 1500ms : 4s;
+  const Looks looks = look_twice(remote.observer(), graph, patience);
   const auto loads = graph::loads_of(looks.before, looks.now);
   std::vector<Row> rows;
   for (const auto& [name, seen] : looks.now)
@@ -232,7 +237,7 @@ int list_processes(const Target& target, bool edges) {
 
 std::map<std::string, graph::ObservedAgent> require_agents(graph::Remote& remote,
                                                            const graph::GraphDescription& graph) {
-  auto agents = remote.agents(kAgentPatience);
+  auto agents = remote.agents(patience_with(graph));
   if (agents.empty())
     throw Error("no agent of graph '" + graph.graph +
                 "' answers; 'cosegraph agent' and 'cosegraph up' are agents, 'cosegraph run' is "

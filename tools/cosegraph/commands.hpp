@@ -19,6 +19,7 @@ void add_job_commands(CLI::App& app, const Choose& choose);        // view train
 void add_picture_command(CLI::App& app, const Choose& choose);     // picture
 void add_eval_command(CLI::App& app, const Choose& choose);        // eval
 void add_graph_commands(CLI::App& app, const Choose& choose);      // check draw run up stages
+void add_keys_command(CLI::App& app, const Choose& choose);        // keys
 void add_agent_commands(CLI::App& app, const Choose& choose);      // agent ps logs start stop ...
 void add_recording_commands(CLI::App& app, const Choose& choose);  // record info
 void add_replay_commands(CLI::App& app, const Choose& choose);     // replay compare
