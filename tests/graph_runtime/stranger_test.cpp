@@ -101,6 +101,7 @@ const StageTable kTable{{"numbers", factory<Numbers>()},
                         {"pass", factory<Pass>()},
                         {"collect", factory<Collect>()}};
 
+constexpr std::uint64_t kWindow = 3;  // as in the graph
 constexpr auto kGraph = R"(version: 1
 graph: stranger
 window: 3
@@ -253,10 +254,13 @@ TEST_F(Stranger, MessagesOfStagesThatDoNotFeedAPortChangeNothing) {
 TEST_F(Stranger, FramesOfAPastEpochAndFramesThatWereChangeNothing) {
   FrameHeader header = newest_frame();
   header.stage = "numbers";
+  for (const auto first = header.sequence; header.sequence <= first + kWindow && !over();)
+    header.sequence = newest_frame().sequence;
+  header.sequence -= kWindow + 1;  // which is over, by the window
   while (!over()) {
     FrameHeader past = header;
     past.epoch = 5;
-    past.sequence += 3;
+    past.sequence += kWindow + 3;
     write("numbers/out", message_on("numbers/out", past));
     write("numbers/out", message_on("numbers/out", header));
     std::this_thread::sleep_for(2ms);

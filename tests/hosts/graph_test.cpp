@@ -91,7 +91,8 @@ class HostsTest : public testing::Test {
     for (int i = 0; i < frames; ++i) EXPECT_EQ(graph_->value(i), 2.0 * i + 3.0);
     expect_all_labelled(frames, 2);
     std::vector<std::string> ways;
-    for (const auto& edge : ps(1)["edges"]) ways.push_back(edge["via"]);
+    const nlohmann::json seen = ps(1);
+    for (const auto& edge : seen["edges"]) ways.push_back(edge["via"]);
     EXPECT_THAT(ways, testing::SizeIs(4));
     EXPECT_THAT(ways, Each("UDP between hosts"));
     const Outcome down = lab_->host(2).run({"cosegraph", "down", graph_->file()});

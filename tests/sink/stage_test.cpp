@@ -41,7 +41,7 @@ TEST(SinkStage, NamesFilesAfterFrames) {
 // The name comes with a message.
 TEST(SinkStage, DoesNotWriteOutsideOfItsFolder) {
   const io::TemporaryFolder folder;
-  for (const std::string name :
+  for (const std::string& name :
        {std::string(), std::string("../escaped"), (folder / "absolute").string(),
         std::string("a/../../b"), std::string("cut\0off", 7)})
     EXPECT_THROW(label(folder / "out", name), InputError) << name;
