@@ -27,7 +27,7 @@ using idl::ProcessState;
 
 constexpr auto kStopPatience = 5s;  // between SIGTERM and SIGKILL
 constexpr auto kLongestBackoff = 5s;
-constexpr auto kWellAfter = 30s;        // a process that ran so long has not failed to start
+constexpr auto kWellAfter = 10s;        // a process that ran so long has not failed to start
 constexpr off_t kLargestLog = 8 << 20;  // bytes
 
 int pidfd_open(pid_t pid) {

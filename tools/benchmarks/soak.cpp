@@ -125,10 +125,13 @@ class RunningGraph {
     return nlohmann::json::parse(io::read_file(report), nullptr, false);
   }
 
+  // Throws Error with what `up` has said if it did not come to its end.
   nlohmann::json account() const {
     const auto report =
         nlohmann::json::parse(io::read_file(folder_.path() / "up.json"), nullptr, false);
-    return report.is_discarded() ? nlohmann::json() : report["account"];
+    if (!report.is_object())
+      throw Error("the graph did not end: " + io::read_file(folder_.path() / "up.log"));
+    return report["account"];
   }
 
  private:
@@ -144,7 +147,7 @@ class RunningGraph {
     graph::GraphDescription graph = graph::parse(io::read_file(file), file);
     for (auto& stage : graph.stages)
       stage.restart = {
-          .policy = graph::RestartPolicy::on_failure, .max = 1'000'000, .backoff = 0.01};
+          .policy = graph::RestartPolicy::on_failure, .max = 1000, .backoff = 0.01};
     graph::set_param(graph, "model", "file", {(folder_.path() / "model.coseg").string()});
     graph::set_param(graph, "source", "path", {(folder_.path() / "stream").string()});
     graph::set_param(graph, "sink", "folder", {(folder_.path() / "out").string()});
@@ -197,10 +200,6 @@ void disturb_along(RunningGraph& graph, int count, int spacing,
 }
 
 bool print_account(const nlohmann::json& account, int frames) {
-  if (!account.is_object()) {
-    std::printf("  no account: the graph did not end\n");
-    return false;
-  }
   const int labelled = account["labelled"];
   const int failed = account["failed"];
   const bool closed = account["admitted"] == frames && labelled + failed == frames;
