@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cyclone_point_cloud2.h"
 #include "dds/dds.h"
-#include "ros2_point_cloud2.h"
 
 typedef sensor_msgs_msg_dds__PointCloud2_ PointCloud2;
 #define PointCloud2_desc sensor_msgs_msg_dds__PointCloud2__desc
