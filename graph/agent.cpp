@@ -86,7 +86,8 @@ class Agent::Impl {
                               ? std::make_unique<DiscoveryServer>(graph_.dds)
                               : nullptr),
         participant_(graph_,
-                     graph_.graph + "/agent" + (options_.host.empty() ? "" : "/" + options_.host)) {
+                     graph_.graph + "/agent" + (options_.host.empty() ? "" : "/" + options_.host),
+                     Identity::agent()) {
     adopted_ = supervisor_.adopt();
     if (adopted_ > 0)
       adopt_graph();
@@ -388,9 +389,7 @@ class Agent::Impl {
   void launch(const idl::Command& command) {
     // An agent that is new hears what its peers have ordered before; generations only grow.
     if (command.generation <= supervisor_.newest_generation(command.stage)) return;
-    GraphDescription graph = parse(command.words.at(0), "graph");
-    graph.instance = graph_.instance;
-    graph.file = graph_.file;
+    const GraphDescription graph = received(command.words.at(0));
     for (std::size_t i = 1; i < command.words.size(); ++i)
       supervisor_.launch(graph, command.stage,
                          static_cast<std::uint32_t>(std::stoul(command.words[i])),
@@ -424,11 +423,17 @@ class Agent::Impl {
   }
 
   void take_graph(const idl::Command& command) {
-    GraphDescription graph = parse(command.words.at(0), "graph");
+    graph_ = received(command.words.at(0));
+    folder_.publish(graph_);
+  }
+
+  // A graph as an agent sends it: of the same run, but the files are those of this host.
+  GraphDescription received(const std::string& text) const {
+    GraphDescription graph = parse(text, "graph");
     graph.instance = graph_.instance;
     graph.file = graph_.file;
-    graph_ = std::move(graph);
-    folder_.publish(graph_);
+    graph.dds.security = graph_.dds.security;
+    return graph;
   }
 
   // -- swap --------------------------------------------------------------------------------------

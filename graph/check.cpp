@@ -2,10 +2,12 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <iterator>
 #include <optional>
 #include <set>
 
 #include "graph/description.hpp"
+#include "graph/security.hpp"
 
 namespace cosegraph::graph {
 namespace {
@@ -42,10 +44,6 @@ std::vector<std::string> names_of(const std::vector<T>& items, Name name) {
 Mark mark_of(const StageNode& stage, const std::string& key) {
   const auto found = stage.marks.find(key);
   return found == stage.marks.end() ? stage.mark : found->second;
-}
-
-bool is_loopback(std::string_view address) {
-  return address == "localhost" || address == "::1" || address.starts_with("127.");
 }
 
 class Checker {
@@ -85,6 +83,7 @@ class Checker {
   void check_sources();
   void check_purpose();
   void check_reach();
+  void check_security();
 
   std::optional<std::size_t> find_stage(std::string_view name) const;
   bool takes_frames(std::size_t index) const;
@@ -420,6 +419,12 @@ void Checker::check_reach() {
   }
 }
 
+// Permissions are compared with the wiring, which must be right for that.
+void Checker::check_security() {
+  if (graph_.dds.security.empty() || !faults_.empty()) return;
+  std::ranges::move(check_keys(graph_, catalog_), std::back_inserter(faults_));
+}
+
 std::vector<Fault> Checker::run() {
   for (const auto& [kind, make] : catalog_) {
     const StageInfo info = make();
@@ -440,6 +445,7 @@ std::vector<Fault> Checker::run() {
   check_purpose();
   check_reach();
   for (std::size_t i = 0; i < stages_.size(); ++i) check_replicas(i);
+  check_security();
   std::ranges::stable_sort(faults_, {}, &Fault::mark);
   return std::move(faults_);
 }

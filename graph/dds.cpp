@@ -22,6 +22,8 @@
 #include <mutex>
 #include <set>
 
+#include "graph/credentials.hpp"
+#include "graph/dds_security.hpp"
 #include "graph/discovery.hpp"
 #include "graph/interfaces.hpp"
 
@@ -330,13 +332,15 @@ class DdsReader final : public Reader {
 }  // namespace
 
 Participant::Participant(const GraphDescription& graph, const std::string& name,
-                         dds::DomainParticipantListener* listener)
+                         const Identity& identity, dds::DomainParticipantListener* listener)
     : impl_(std::make_unique<Impl>()) {
+  require_keys(graph, identity);
   for (const auto& host : graph.hosts) count_as_connected(host.address);
   const auto between_hosts = topics_between_hosts(graph, name);
   if (graph.dds.rate > 0.0) impl_->rate_limited = between_hosts;
-  impl_->join(graph.dds.domain, participant_qos(graph, name, !between_hosts.empty()),
-              partition_of(graph), listener);
+  dds::DomainParticipantQos qos = participant_qos(graph, name, !between_hosts.empty());
+  if (!graph.dds.security.empty()) set_security(key_files(graph, identity), qos);
+  impl_->join(graph.dds.domain, qos, partition_of(graph), listener);
 }
 
 Participant::Participant(int domain, const std::string& name) : impl_(std::make_unique<Impl>()) {

@@ -15,6 +15,7 @@
 
 #include "graph/description.hpp"
 #include "graph/stage.hpp"
+#include "graph/topics.hpp"
 #include "idl/codec.hpp"
 
 namespace eprosima::fastdds::dds {
@@ -54,9 +55,11 @@ class Reader {
 // where packets are lost.
 class Participant {
  public:
-  // Throws Error naming the domain if DDS cannot be started. `listener`, who is told of other
-  // participants (see discovery.hpp), must outlive the participant.
+  // `identity`: whose keys it has, if the graph has security. `listener`, who is told of other
+  // participants (see discovery.hpp), must outlive the participant. Throws GraphError if the keys
+  // cannot be used, Error naming the domain if DDS cannot be started.
   Participant(const GraphDescription& graph, const std::string& name,
+              const Identity& identity = Identity::observer(),
               eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr);
   // For topics of others: no partition, discovery by multicast.
   Participant(int domain, const std::string& name);

@@ -23,8 +23,10 @@ std::string all_lines(const std::vector<Fault>& faults) {
   return result;
 }
 
-// Relative executables are meant relative to the graph file.
-void resolve_executables(GraphDescription& graph, const std::filesystem::path& folder) {
+// Relative executables and keys are meant relative to the graph file.
+void resolve_paths(GraphDescription& graph, const std::filesystem::path& folder) {
+  if (!graph.dds.security.empty())
+    graph.dds.security = (folder / graph.dds.security).lexically_normal().string();
   for (auto& stage : graph.stages)
     if (!stage.exec.empty()) stage.exec = (folder / stage.exec).lexically_normal().string();
 }
@@ -48,6 +50,10 @@ const StageNode* GraphDescription::stage(std::string_view name) const {
 
 StageNode* GraphDescription::stage(std::string_view name) {
   return const_cast<StageNode*>(std::as_const(*this).stage(name));
+}
+
+bool is_loopback(std::string_view address) {
+  return address == "localhost" || address == "::1" || address.starts_with("127.");
 }
 
 Fields describe(GraphDescription& graph) {
@@ -91,7 +97,7 @@ GraphDescription load(const std::filesystem::path& file, const Catalog& catalog)
 
   std::vector<Fault> faults;
   GraphDescription graph = parse(text, file.string(), faults);
-  resolve_executables(graph, std::filesystem::absolute(file).parent_path());
+  resolve_paths(graph, std::filesystem::absolute(file).parent_path());
   if (!graph.stages.empty()) std::ranges::move(check(graph, catalog), std::back_inserter(faults));
   std::ranges::stable_sort(faults, {}, &Fault::mark);
   if (!faults.empty()) throw GraphError(std::move(faults));

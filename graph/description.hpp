@@ -101,8 +101,13 @@ struct Dds {
   Discovery discovery = Discovery::multicast;
   std::vector<std::string> peers;  // addresses
   std::string server;              // "host:port"
-  double rate = 0.0;  // Mbit/s that a stage sends to other hosts at most; 0: as fast as it goes
+  double rate = 0.0;     // Mbit/s that a stage sends to other hosts at most; 0: as fast as it goes
+  std::string security;  // folder of keys; absolute after load(); empty: none
+  Mark security_mark;    // of its value
 };
+
+// Whether the address is this machine's own.
+bool is_loopback(std::string_view address);
 
 struct Host {
   std::string name;

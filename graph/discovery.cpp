@@ -120,8 +120,8 @@ class DomainWatch::Listener final : public dds::DomainParticipantListener {
 
 DomainWatch::DomainWatch(const GraphDescription& graph)
     : listener_(std::make_unique<Listener>(*this)),
-      participant_(
-          std::make_unique<Participant>(graph, graph.graph + "/observer", listener_.get())) {}
+      participant_(std::make_unique<Participant>(graph, graph.graph + "/observer",
+                                                 Identity::observer(), listener_.get())) {}
 
 DomainWatch::~DomainWatch() = default;
 

@@ -1,6 +1,9 @@
 #include "graph/observer.hpp"
 
+#include <algorithm>
+
 #include "graph/control.hpp"
+#include "graph/figures.hpp"
 
 namespace cosegraph::graph {
 
@@ -50,7 +53,8 @@ Observer::Observer(const GraphDescription& graph)
          failures_.push_back({.stage = header.stage,
                               .frame = header.name,
                               .sequence = header.sequence,
-                              .reason = idl::decode<idl::FrameFailure>(bytes).reason});
+                              .reason = idl::decode<idl::FrameFailure>(bytes).reason,
+                              .heard = wall_nanoseconds()});
        });
 }
 
@@ -64,9 +68,10 @@ std::map<std::string, ObservedAgent> Observer::agents() const {
   return agents_;
 }
 
-std::vector<ObservedFailure> Observer::failures() const {
+std::vector<ObservedFailure> Observer::failures(std::size_t known) const {
   const std::scoped_lock lock(mutex_);
-  return failures_;
+  return {failures_.begin() + static_cast<std::ptrdiff_t>(std::min(known, failures_.size())),
+          failures_.end()};
 }
 
 void Observer::wait(std::chrono::milliseconds patience) {

@@ -31,6 +31,7 @@ struct ObservedFailure {
   std::string frame;  // its name
   std::uint64_t sequence = 0;
   std::string reason;
+  std::int64_t heard = 0;  // ns since 1970
 };
 
 class Observer {
@@ -40,7 +41,8 @@ class Observer {
   // The processes in their places, by process_name(); candidates for a swap are left out.
   std::map<std::string, Observed> stages() const;
   std::map<std::string, ObservedAgent> agents() const;  // by host
-  std::vector<ObservedFailure> failures() const;
+  // All but the first `known`, in the order in which they were heard.
+  std::vector<ObservedFailure> failures(std::size_t known = 0) const;
   // Waits for news, at most `patience`.
   void wait(std::chrono::milliseconds patience);
 

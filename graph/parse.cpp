@@ -74,6 +74,7 @@ class Reader {
   void read_version(const Entry& entry);
   void read_dds(const Entry& entry, Dds& dds);
   void read_discovery(const Entry& entry, Dds& dds);
+  void read_security(const Entry& entry, Dds& dds);
   Host read_host(const Entry& entry);
   StageNode read_stage(const Entry& entry);
   void read_stage_entry(const Entry& entry, StageNode& stage);
@@ -165,10 +166,18 @@ void Reader::read_version(const Entry& entry) {
 }
 
 void Reader::read_dds(const Entry& entry, Dds& dds) {
-  for (const auto& item : entries(entry, {"domain", "rate", "discovery"})) {
+  for (const auto& item : entries(entry, {"domain", "rate", "discovery", "security"})) {
     if (item.key == "domain" || item.key == "rate") set(describe(dds), item);
     if (item.key == "discovery") read_discovery(item, dds);
+    if (item.key == "security") read_security(item, dds);
   }
+}
+
+void Reader::read_security(const Entry& entry, Dds& dds) {
+  dds.security = scalar(entry).value_or("");
+  dds.security_mark = entry.value_mark();
+  if (entry.value.IsScalar() && dds.security.empty())
+    fault(entry.value_mark(), "security: expected a folder of keys; it is empty");
 }
 
 void Reader::read_discovery(const Entry& entry, Dds& dds) {

@@ -10,6 +10,7 @@
 #include "graph/control.hpp"
 #include "graph/dds.hpp"
 #include "graph/figures.hpp"
+#include "graph/swap.hpp"
 
 namespace cosegraph::graph {
 
@@ -37,11 +38,12 @@ struct Remote::Impl {
     news.notify_all();
   }
 
-  // The next of a queue; none if `until` has passed.
+  // The next of a queue; none if `until` has passed, or it was given up.
   template <class Value>
   std::optional<Value> next(std::deque<Value>& queue, Clock::time_point until) {
     std::unique_lock lock(mutex);
-    if (!news.wait_until(lock, until, [&] { return !queue.empty(); })) return std::nullopt;
+    news.wait_until(lock, until, [&] { return given_up || !queue.empty(); });
+    if (given_up || queue.empty()) return std::nullopt;
     Value value = std::move(queue.front());
     queue.pop_front();
     return value;
@@ -50,6 +52,7 @@ struct Remote::Impl {
   GraphDescription graph;
   std::mutex mutex;
   std::condition_variable news;
+  bool given_up = false;
   std::deque<idl::Reply> heard_replies;
   std::deque<idl::LogLines> heard_lines;
   Observer observer;
@@ -84,7 +87,8 @@ std::map<std::string, ObservedAgent> Remote::agents(std::chrono::milliseconds pa
 std::string Remote::order(idl::Command command, std::chrono::milliseconds patience,
                           const std::function<void(const std::string&)>& on_progress) {
   // Whoever answers must have found the way back.
-  for (const auto limit = Clock::now() + 2s;
+  const auto patience_to_meet = impl_->graph.dds.security.empty() ? 2s : 10s;
+  for (const auto limit = Clock::now() + patience_to_meet;
        impl_->replies->matched() < static_cast<int>(impl_->observer.agents().size()) &&
        Clock::now() < limit;)
     std::this_thread::sleep_for(5ms);
@@ -101,6 +105,14 @@ std::string Remote::order(idl::Command command, std::chrono::milliseconds patien
   }
   throw Error("no answer from the agent" +
               (command.host.empty() ? std::string() : " of host '" + command.host + "'"));
+}
+
+void Remote::give_up() {
+  {
+    const std::scoped_lock lock(impl_->mutex);
+    impl_->given_up = true;
+  }
+  impl_->news.notify_all();
 }
 
 void Remote::logs(const std::function<bool(const idl::LogLines&)>& take,
@@ -122,6 +134,25 @@ std::vector<std::string> hosts_running(const std::map<std::string, ObservedAgent
                             [&](const auto& process) { return process.stage == stage; }))
       result.push_back(host);
   return result;
+}
+
+std::string order_swap(Remote& remote, const GraphDescription& graph, const std::string& source,
+                       const std::string& stage, const Replacement& replacement,
+                       const std::function<void(const std::string&)>& on_progress) {
+  std::vector<std::string> words;
+  if (!replacement.use.empty()) words.push_back("use=" + replacement.use);
+  if (!replacement.exec.empty()) words.push_back("exec=" + replacement.exec);
+  if (!replacement.host.empty()) words.push_back("host=" + replacement.host);
+  for (const auto& param : replacement.params) words.push_back("param=" + param);
+  if (replacement.dry_run) words.emplace_back("dry-run");
+  const auto leaders = hosts_running(remote.agents(2s), source);
+  if (leaders.empty()) throw Error("no agent runs the source, whose agent leads swaps");
+  return remote.order({.host = leaders[0],
+                       .stage = stage,
+                       .verb = std::string(verb::kSwap),
+                       .words = std::move(words)},
+                      std::chrono::milliseconds(static_cast<long>(1000 * graph.deadline)) + 30s,
+                      on_progress);
 }
 
 }  // namespace cosegraph::graph

@@ -88,7 +88,7 @@ class StageRunner::Impl final : public StageHost {
         standby_(options.standby),
         join_(frame_inputs(), join_options(graph_, node_, options)),
         ledger_(options.leaves, graph_.window),
-        participant_(graph_, graph_.graph + "/" + name) {
+        participant_(graph_, graph_.graph + "/" + name, Identity::of_stage(name)) {
     for (const auto& input : node_.inputs) stage_->connect(input.port);
     stage_->attach(*this);
     status_.kind = node_.use;

@@ -172,6 +172,9 @@ Json dds_schema() {
   Dds dds;
   Json properties = properties_of(describe(dds));
   properties["discovery"] = discovery_schema();
+  properties["security"] = text(
+      "Folder of keys, relative to the graph file; participants are authenticated and what they "
+      "send is encrypted if it is given. Made by 'cosegraph keys'.");
   return object(std::move(properties));
 }
 

@@ -132,6 +132,7 @@ std::string to_yaml(const GraphDescription& graph) {
   GraphDescription copy = graph;  // Fields bind to what can be changed
   Joined dds = values(describe(copy.dds));
   dds.add("discovery", discovery(copy.dds));
+  if (!copy.dds.security.empty()) dds.add("security", scalar(copy.dds.security));
   std::string result =
       line(0, "version", "1") + line(0, "graph", scalar(graph.graph)) + line(0, "dds", dds.map());
   for (const auto& field : describe(copy)) result += line(0, field.name, scalar(field.text()));

@@ -20,7 +20,10 @@ const std::string& single(const Text& text) {
 
 std::string shortest(double value) {
   char buffer[32];
-  const auto [end, error] = std::to_chars(buffer, buffer + sizeof buffer, value);
+  char* const last = buffer + sizeof buffer;
+  const bool is_plain = value == std::trunc(value) && std::abs(value) < 1e15;  // 100000, not 1e+05
+  const auto [end, error] = is_plain ? std::to_chars(buffer, last, value, std::chars_format::fixed)
+                                     : std::to_chars(buffer, last, value);
   return {buffer, end};
 }
 

@@ -140,6 +140,21 @@ Cloud read_cloud(const Path& file) {
   throw InputError(file.string() + ": clouds are read from .ply, .pcd and .png files");
 }
 
+std::vector<float> read_column(const Path& file, std::string_view name) {
+  if (extension_of(file) != ".ply") return {};
+  const std::string bytes = read_file(file);
+  const ply::Header header = ply::parse_header(file, bytes);
+  const ply::Element* vertex = header.find("vertex");
+  const auto column = vertex == nullptr ? std::nullopt : vertex->find({name});
+  if (!column || vertex->properties[*column].count_type) return {};
+  std::vector<float> values;
+  ply::read_rows(file, bytes, header,
+                 [&](const ply::Element& element, std::size_t, const ply::Row& row) {
+                   if (&element == vertex) values.push_back(static_cast<float>(row[*column][0]));
+                 });
+  return values;
+}
+
 bool is_cloud_file(const Path& file) {
   const std::string extension = extension_of(file);
   return extension == ".ply" || extension == ".pcd" || extension == ".png";

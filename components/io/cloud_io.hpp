@@ -9,6 +9,8 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "core/cloud.hpp"
 
@@ -25,6 +27,10 @@ namespace cosegraph::io {
 Cloud read_cloud(const std::filesystem::path& file);
 
 constexpr std::size_t kMaxPoints = 20'000'000;
+
+// A further column of a PLY file's points, as write_cloud's `extra`; empty if the file has no such
+// property, or is of another format. Throws InputError like read_cloud.
+std::vector<float> read_column(const std::filesystem::path& file, std::string_view name);
 
 // True for the extensions that read_cloud understands.
 bool is_cloud_file(const std::filesystem::path& file);

@@ -25,8 +25,8 @@ namespace fs = std::filesystem;
 // A file descriptor that is closed on every way out.
 class Descriptor {
  public:
-  Descriptor(const fs::path& path, int flags)
-      : value_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
+  Descriptor(const fs::path& path, int flags, unsigned mode = 0)
+      : value_(::open(path.c_str(), flags | O_CLOEXEC, mode)) {}
   ~Descriptor() {
     if (value_ >= 0) ::close(value_);
   }
@@ -91,11 +91,11 @@ void sync_folder(const fs::path& folder) {
 
 }  // namespace
 
-void write_file(const fs::path& file, std::string_view bytes) {
+void write_file(const fs::path& file, std::string_view bytes, unsigned mode) {
   if (!file.has_filename()) throw InputError("'" + file.string() + "' is not a file name");
   const fs::path target = real_target(file);
   const fs::path path = temporary_beside(target);
-  Descriptor descriptor(path, O_WRONLY | O_CREAT | O_EXCL);
+  Descriptor descriptor(path, O_WRONLY | O_CREAT | O_EXCL, mode);
   if (descriptor.get() < 0) fail(file, "write", errno);
   Temporary temporary{path};
   if (!write_all(descriptor.get(), bytes)) fail(file, "write", errno);

@@ -8,8 +8,9 @@
 namespace cosegraph::io {
 
 // Writes `bytes` under a temporary name beside `file`, syncs, renames. Throws InputError naming
-// the file (unwritable folder, no space, ...) and leaves nothing behind in that case.
-void write_file(const std::filesystem::path& file, std::string_view bytes);
+// the file (unwritable folder, no space, ...) and leaves nothing behind in that case. `mode`: who
+// may read it, at no time anybody else; the umask takes away from it.
+void write_file(const std::filesystem::path& file, std::string_view bytes, unsigned mode = 0666);
 
 // A new folder, only for this user, that vanishes with everything in it. Throws InputError if it
 // cannot be made.

@@ -28,6 +28,7 @@ class ToyGraph {
     std::string left;                            // further parameters of that stage
     std::string extra;                           // further keys of it
     std::string hosts;                           // a line, if there are any
+    bool secure = false;                         // with keys, in the folder "keys" beside the file
     std::map<std::string, std::string> host_of;  // by stage
     int max_restarts = 1000;
     double deadline = 20.0;
@@ -51,8 +52,9 @@ class ToyGraph {
     };
     io::write_file(
         file(),
-        "version: 1\ngraph: " + name() + "\nwindow: 4\ndeadline: " +
-            std::to_string(options.deadline) + "\n" + options.hosts + "stages:\n" +
+        "version: 1\ngraph: " + name() +
+            "\nwindow: 4\ndeadline: " + std::to_string(options.deadline) + "\n" + options.hosts +
+            (options.secure ? "dds: {security: keys}\n" : "") + "stages:\n" +
             stage("numbers", "numbers", "",
                   "count: " + std::to_string(options.count) +
                       ", rate: " + std::to_string(options.rate)) +
@@ -60,6 +62,10 @@ class ToyGraph {
                   "value: 1" + (options.left.empty() ? "" : ", " + options.left), options.extra) +
             stage("right", "add", "in: numbers/out", "value: 2") +
             stage("keep", "keep", "a: left/out, b: right/out", "folder: " + out().string()));
+    if (options.secure) {
+      const Outcome keys = run({"cosegraph", "keys", "init", file().string()});
+      EXPECT_EQ(keys.status, 0) << keys.errors;
+    }
   }
   ~ToyGraph() { ::unsetenv("COSEGRAPH_RUNTIME_DIR"); }
 

@@ -67,7 +67,7 @@ class HostsTest : public testing::Test {
   }
 
   nlohmann::json ps(int host) {
-    const Outcome outcome = lab_->host(host).run({"cosegraph", "ps", graph_->file(), "--json"});
+    const Outcome outcome = lab_->host(host).run({"cosegraph", "ps", graph_->file(), "--edges", "--json"});
     EXPECT_EQ(outcome.status, 0) << outcome.errors;
     return nlohmann::json::parse(outcome.output, nullptr, false);
   }

@@ -95,6 +95,21 @@ TEST(CloudIo, BarePointsHaveNothingElse) {
   }
 }
 
+TEST(CloudIo, ExtraColumnsOfPlyFilesAreReadBack) {
+  const Scratch scratch;
+  const Cloud cloud{.xyz = {0, 0, 1, 0, 1, 1}, .width = 2};
+  const std::vector<float> confidence = {0.25F, 0.5F};
+  const std::array columns{Column{"confidence", confidence}};
+  for (const Encoding encoding : {Encoding::binary, Encoding::ascii}) {
+    write_cloud(scratch / "c.ply", cloud, columns, encoding);
+    EXPECT_EQ(read_column(scratch / "c.ply", "confidence"), confidence);
+    EXPECT_TRUE(read_column(scratch / "c.ply", "doubt").empty());
+  }
+  write_cloud(scratch / "c.pcd", cloud, columns);
+  EXPECT_TRUE(read_column(scratch / "c.pcd", "confidence").empty());
+  EXPECT_THROW(read_column(scratch / "none.ply", "confidence"), InputError);
+}
+
 TEST(CloudIo, ExtraColumnsAreWritten) {
   const Scratch scratch;
   Cloud cloud;

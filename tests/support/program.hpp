@@ -53,6 +53,8 @@ class Program {
   }
 
   pid_t pid() const { return pid_; }
+  // What it has printed until now.
+  std::string output_so_far() const { return slurp(folder_ / "output"); }
 
   Outcome wait() {
     int status = 0;

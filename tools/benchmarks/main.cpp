@@ -51,8 +51,8 @@ int main(int argc, char** argv) {
   CLI::App app("Benchmarks of cosegraph");
   std::string which = "all";
   int repeats = 5;
-  app.add_option("benchmark", which, "frame, overhead, learning, peers or all")
-      ->check(CLI::IsMember({"frame", "overhead", "learning", "peers", "all"}));
+  app.add_option("benchmark", which, "frame, overhead, security, learning, peers, soak or all")
+      ->check(CLI::IsMember({"frame", "overhead", "security", "learning", "peers", "soak", "all"}));
   app.add_option("--repeats", repeats, "measurements of which the median is printed")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -61,8 +61,10 @@ int main(int argc, char** argv) {
     int status = 0;
     if (which == "frame" || which == "all") status |= bench::bench_frame(repeats);
     if (which == "overhead" || which == "all") status |= bench::bench_overhead(20 * repeats);
+    if (which == "security" || which == "all") status |= bench::bench_security(20 * repeats);
     if (which == "learning" || which == "all") status |= bench::bench_learning(repeats);
     if (which == "peers" || which == "all") status |= bench::bench_peers(repeats);
+    if (which == "soak" || which == "all") status |= bench::bench_soak(repeats);
     return status;
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';

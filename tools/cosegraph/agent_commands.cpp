@@ -27,8 +27,12 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using Json = nlohmann::ordered_json;
 
-constexpr auto kAgentPatience = 2s;  // for agents to be heard
 constexpr auto kSilentAfter = 1s;
+
+// For agents to be heard; those with keys take longer to meet.
+std::chrono::milliseconds patience_with(const graph::GraphDescription& graph) {
+  return graph.dds.security.empty() ? 2s : 10s;
+}
 
 // What every command about a running graph is told.
 struct Target {
@@ -87,8 +91,9 @@ double seconds_since(Clock::time_point time) {
 
 // Two looks at every process, so that its use of the CPU can be told.
 std::vector<Row> look(graph::Remote& remote, const graph::GraphDescription& graph) {
-  remote.agents(kAgentPatience);
-  const Looks looks = look_twice(remote.observer(), graph, 1500ms);
+  remote.agents(patience_with(graph));
+  const auto patience = graph.dds.security.empty() ? 1500ms : 4s;
+  const Looks looks = look_twice(remote.observer(), graph, patience);
   const auto loads = graph::loads_of(looks.before, looks.now);
   std::vector<Row> rows;
   for (const auto& [name, seen] : looks.now)
@@ -232,7 +237,7 @@ int list_processes(const Target& target, bool edges) {
 
 std::map<std::string, graph::ObservedAgent> require_agents(graph::Remote& remote,
                                                            const graph::GraphDescription& graph) {
-  auto agents = remote.agents(kAgentPatience);
+  auto agents = remote.agents(patience_with(graph));
   if (agents.empty())
     throw Error("no agent of graph '" + graph.graph +
                 "' answers; 'cosegraph agent' and 'cosegraph up' are agents, 'cosegraph run' is "
@@ -297,43 +302,27 @@ int follow_logs(const Target& target, const std::string& stage, bool follow) {
 struct SwapArguments {
   Target target;
   std::string stage;
-  std::string use;
-  std::string exec;
-  std::string host;
-  std::vector<std::string> params;
-  bool dry_run = false;
+  graph::Replacement replacement;
 };
 
-int swap_stage(const SwapArguments& arguments) {
+int swap_stage(SwapArguments arguments) {
   const graph::GraphDescription graph = arguments.target.find();
   require_stage(graph, arguments.stage);
-  std::vector<std::string> words;
-  if (!arguments.use.empty()) words.push_back("use=" + arguments.use);
-  if (!arguments.exec.empty())
-    words.push_back("exec=" + std::filesystem::absolute(arguments.exec).string());
-  if (!arguments.host.empty()) words.push_back("host=" + arguments.host);
-  for (const auto& param : arguments.params) words.push_back("param=" + param);
-  if (arguments.dry_run) words.emplace_back("dry-run");
-
+  std::string& program = arguments.replacement.exec;
+  if (!program.empty()) program = std::filesystem::absolute(program).string();
   graph::Remote remote(graph);
-  const auto agents = require_agents(remote, graph);
-  const auto leaders =
-      graph::hosts_running(agents, graph::source_of(graph, graph::catalog_of(stage_table())).name);
-  if (leaders.empty()) throw Error("no agent runs the source, whose agent leads swaps");
-  const std::string report =
-      remote.order({.host = leaders[0],
-                    .stage = arguments.stage,
-                    .verb = std::string(graph::verb::kSwap),
-                    .words = words},
-                   std::chrono::milliseconds(static_cast<long>(1000 * graph.deadline)) + 30s,
-                   [](const std::string& progress) { std::cerr << progress << '\n'; });
+  require_agents(remote, graph);
+  const std::string report = graph::order_swap(
+      remote, graph, graph::source_of(graph, graph::catalog_of(stage_table())).name,
+      arguments.stage, arguments.replacement,
+      [](const std::string& progress) { std::cerr << progress << '\n'; });
   if (arguments.target.json) {
     std::cout << report << '\n';
     return 0;
   }
   const Json json = Json::parse(report);
   const auto number = [&](const char* key) { return json.value(key, 0.0); };
-  if (arguments.dry_run) {
+  if (arguments.replacement.dry_run) {
     std::printf("%s: the newcomer would be ready, after %.0f ms; nothing was changed\n",
                 arguments.stage.c_str(), number("took_ms"));
     return 0;
@@ -402,11 +391,13 @@ void add_agent_commands(CLI::App& app, const Choose& choose) {
   auto arguments = std::make_shared<SwapArguments>();
   swap->add_option("stage", arguments->stage, "stage of the graph")->required();
   add_target(*swap, arguments->target);
-  swap->add_option("--use", arguments->use, "another kind with the same ports");
-  swap->add_option("--exec", arguments->exec, "a program of your own");
-  swap->add_option("--host", arguments->host, "run it there from now on");
-  swap->add_option("--param", arguments->params, "NAME=VALUE, may be repeated")->take_all();
-  swap->add_flag("--dry-run", arguments->dry_run, "only try whether the newcomer gets ready");
+  swap->add_option("--use", arguments->replacement.use, "another kind with the same ports");
+  swap->add_option("--exec", arguments->replacement.exec, "a program of your own");
+  swap->add_option("--host", arguments->replacement.host, "run it there from now on");
+  swap->add_option("--param", arguments->replacement.params, "NAME=VALUE, may be repeated")
+      ->take_all();
+  swap->add_flag("--dry-run", arguments->replacement.dry_run,
+                 "only try whether the newcomer gets ready");
   swap->add_flag("--json", arguments->target.json, "the report as JSON");
   swap->footer(
       "The newcomer is started beside the old one and takes over between two frames. If it fails\n"

@@ -19,6 +19,7 @@ void add_job_commands(CLI::App& app, const Choose& choose);        // view train
 void add_picture_command(CLI::App& app, const Choose& choose);     // picture
 void add_eval_command(CLI::App& app, const Choose& choose);        // eval
 void add_graph_commands(CLI::App& app, const Choose& choose);      // check draw run up stages
+void add_keys_command(CLI::App& app, const Choose& choose);        // keys
 void add_agent_commands(CLI::App& app, const Choose& choose);      // agent ps logs start stop ...
 void add_recording_commands(CLI::App& app, const Choose& choose);  // record info
 void add_replay_commands(CLI::App& app, const Choose& choose);     // replay compare
@@ -26,6 +27,7 @@ void add_topic_commands(CLI::App& app, const Choose& choose);      // topic list
 void add_top_command(CLI::App& app, const Choose& choose);         // top
 void add_why_command(CLI::App& app, const Choose& choose);         // why
 void add_doctor_command(CLI::App& app, const Choose& choose);      // doctor
+void add_monitor_command(CLI::App& app, const Choose& choose);     // monitor
 
 // Every kind of stage that this program was built with.
 const graph::StageTable& stage_table();

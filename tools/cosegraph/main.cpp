@@ -23,6 +23,7 @@ int main(int argc, char** argv) {
   tools::add_picture_command(app, choose);
   tools::add_eval_command(app, choose);
   tools::add_graph_commands(app, choose);
+  tools::add_keys_command(app, choose);
   tools::add_agent_commands(app, choose);
   tools::add_recording_commands(app, choose);
   tools::add_replay_commands(app, choose);
@@ -30,6 +31,7 @@ int main(int argc, char** argv) {
   tools::add_top_command(app, choose);
   tools::add_why_command(app, choose);
   tools::add_doctor_command(app, choose);
+  tools::add_monitor_command(app, choose);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -238,6 +238,7 @@ struct ReplayArguments {
   bool loop = false;
   bool wait = false;
   bool json = false;
+  bool without_security = false;
 };
 
 int replay_to_all(const recording::McapReader& reader, const graph::GraphDescription& graph,
@@ -282,6 +283,11 @@ int replay(const ReplayArguments& arguments) {
   const recording::McapReader reader(arguments.stage.file);
   graph::GraphDescription graph = graph::fresh_instance(recording::graph_in(reader));
   if (!arguments.instance.empty()) graph.instance = arguments.instance;
+  if (!graph.dds.security.empty() && !arguments.without_security)
+    throw ParameterError("graph '" + graph.graph +
+                         "' has security, but no key lets a replay speak for its stages; with "
+                         "--without-security it publishes in the clear");
+  graph.dds.security.clear();
   graph.one_process = !arguments.stage.stage.empty();
   const auto [from, to] = arguments.stage.part.times_in(reader);
   const StopSignals signals;
@@ -322,6 +328,8 @@ void add_replay_command(CLI::App& app, const Choose& choose) {
       ->delimiter(',')
       ->excludes(into);
   command->add_flag("--wait", arguments->wait, "until the topics are read")->excludes(into);
+  command->add_flag("--without-security", arguments->without_security,
+                    "publish in the clear what was recorded of a graph with security");
   command->add_flag("--json", arguments->json, "the report as JSON");
   add_part(*command, arguments->stage.part);
   command->footer(

@@ -8,6 +8,7 @@
 #include "graph/figures.hpp"
 #include "graph/runs.hpp"
 #include "graph/swap.hpp"
+#include "graph/topics.hpp"
 #include "tools/cosegraph/commands.hpp"
 
 namespace cosegraph::tools {
@@ -54,17 +55,9 @@ std::vector<Topic> topics_of(const graph::GraphDescription& graph) {
       result.push_back({.name = graph::topic_name(graph, graph.stages[i].name, port.name),
                         .type = port.type,
                         .latched = port.latched});
-  static constexpr std::pair<const char*, const char*> kControl[] = {
-      {"stage_status", "StageStatus"},
-      {"frame_done", "FrameDone"},
-      {"frame_failure", "FrameFailure"},
-      {"stream_end", "StreamEnd"},
-      {"command", "Command"},
-      {"reply", "Reply"},
-      {"agent_status", "AgentStatus"},
-      {"log", "LogLines"}};
-  for (const auto& [name, type] : kControl)
-    result.push_back({.name = graph::control_topic(graph, name), .type = type, .is_control = true});
+  for (auto& topic : graph::control_topics(graph))
+    result.push_back(
+        {.name = std::move(topic.name), .type = std::move(topic.type), .is_control = true});
   return result;
 }
 

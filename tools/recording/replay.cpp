@@ -10,7 +10,6 @@
 
 #include "graph/control.hpp"
 #include "graph/dds.hpp"
-#include "graph/control.hpp"
 #include "graph/runtime.hpp"
 #include "tools/recording/recording.hpp"
 #include "tools/recording/stage_frames.hpp"
@@ -58,6 +57,10 @@ class Replay {
     std::vector<Topic> topics;
     for (const auto& [id, topic] : all) topics.push_back(topic);
     topics = choose(std::move(topics), options.topics);
+    // What people ordered then is not ordered anew.
+    std::erase_if(topics, [](const Topic& topic) {
+      return topic.type == "Command" || topic.type == "Reply";
+    });
     for (const auto& [id, topic] : all)
       if (std::ranges::find(topics, topic) != topics.end()) {
         topics_[id] = topic;

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "graph/control.hpp"
+#include "graph/topics.hpp"
 
 namespace cosegraph::recording {
 namespace {
@@ -34,10 +35,8 @@ std::vector<Topic> topics_of(const graph::GraphDescription& graph, const graph::
                         .taken = is_taken(graph, node.name, port.name),
                         .upstream = {upstream.begin(), upstream.end()}});
   }
-  for (const auto& [what, type] :
-       {std::pair{"stage_status", "StageStatus"}, std::pair{"frame_failure", "FrameFailure"},
-        std::pair{"frame_done", "FrameDone"}, std::pair{"stream_end", "StreamEnd"}})
-    topics.push_back({.name = graph::control_topic(graph, what), .type = type});
+  for (auto& topic : graph::control_topics(graph))
+    topics.push_back({.name = std::move(topic.name), .type = std::move(topic.type)});
   return topics;
 }
 
@@ -64,8 +63,9 @@ std::vector<Topic> choose(std::vector<Topic> topics, const std::vector<std::stri
 graph::EndpointQos qos_of(const Topic& topic, const graph::GraphDescription& graph) {
   constexpr int kModelsKept = 2;
   if (topic.latched) return {.depth = kModelsKept};
-  if (topic.type == "StageStatus" || topic.type == "StreamEnd") return {.depth = 1};
-  return {.depth = 2 * graph.window + 2};
+  if (topic.type == "StreamEnd") return {.depth = 1};
+  const bool is_of_frames = topic.has_frames() || topic.type.starts_with("Frame");
+  return {.depth = is_of_frames ? 2 * graph.window + 2 : graph::kStatusDepth};
 }
 
 Texts to_metadata(const Topic& topic) {

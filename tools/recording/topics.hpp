@@ -20,6 +20,7 @@ struct Topic {
   std::vector<std::string> upstream;
 
   bool is_control() const { return stage.empty(); }
+  std::string port() const { return is_control() ? "" : name.substr(name.rfind('/') + 1); }
   // One message per frame, by one stage.
   bool has_frames() const { return !is_control() && !latched; }
   bool operator==(const Topic&) const = default;
