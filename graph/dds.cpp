@@ -160,14 +160,19 @@ std::shared_ptr<eprosima::fastdds::rtps::FlowControllerDescriptor> rate_limit(do
   return result;
 }
 
-dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name,
-                                          bool between_hosts) {
+// UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
+// behind that stops its readers for good.
+dds::DomainParticipantQos udp_qos(const std::string& name, bool between_hosts) {
   dds::DomainParticipantQos qos;
   qos.name(name);
-  // UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
-  // behind that stops its readers for good.
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(udp_transport(between_hosts));
+  return qos;
+}
+
+dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name,
+                                          bool between_hosts) {
+  dds::DomainParticipantQos qos = udp_qos(name, between_hosts);
   if (graph.dds.rate > 0.0) qos.flow_controllers().push_back(rate_limit(graph.dds.rate));
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   // A participant that is silent for so long is given up, with what was sent to it. Those of one
@@ -232,6 +237,25 @@ struct Participant::Impl {
     dds::DomainParticipantFactory::get_instance()->delete_participant(participant);
   }
 
+  void join(int domain, const dds::DomainParticipantQos& qos, const std::string& partition,
+            dds::DomainParticipantListener* listener) {
+    static std::once_flag quiet;
+    std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
+    const std::string name = qos.name().c_str();
+    participant = dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<std::uint32_t>(domain), qos, listener, dds::StatusMask::none());
+    if (participant == nullptr)
+      throw Error("cannot join DDS domain " + std::to_string(domain) + " as " + name);
+    dds::PublisherQos of_publisher;
+    of_publisher.partition().push_back(partition.c_str());
+    dds::SubscriberQos of_subscriber;
+    of_subscriber.partition().push_back(partition.c_str());
+    publisher = participant->create_publisher(of_publisher);
+    subscriber = participant->create_subscriber(of_subscriber);
+    if (publisher == nullptr || subscriber == nullptr)
+      throw Error("cannot set up publisher and subscriber of " + name);
+  }
+
   dds::Topic* topic(const std::string& name, std::string_view type) {
     const std::scoped_lock lock(mutex);
     auto& known = topics[name];
@@ -293,6 +317,11 @@ class DdsReader final : public Reader {
     reader_->get_subscription_matched_status(status);
     return status.current_count;
   }
+  int refused() const override {
+    dds::RequestedIncompatibleQosStatus status;
+    reader_->get_requested_incompatible_qos_status(status);
+    return status.total_count;
+  }
 
  private:
   dds::Subscriber* subscriber_;
@@ -306,27 +335,16 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
                          const Identity& identity, dds::DomainParticipantListener* listener)
     : impl_(std::make_unique<Impl>()) {
   require_keys(graph, identity);
-  static std::once_flag quiet;
-  std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
   for (const auto& host : graph.hosts) count_as_connected(host.address);
   const auto between_hosts = topics_between_hosts(graph, name);
   if (graph.dds.rate > 0.0) impl_->rate_limited = between_hosts;
-  auto* factory = dds::DomainParticipantFactory::get_instance();
   dds::DomainParticipantQos qos = participant_qos(graph, name, !between_hosts.empty());
   if (!graph.dds.security.empty()) set_security(key_files(graph, identity), qos);
-  impl_->participant = factory->create_participant(static_cast<std::uint32_t>(graph.dds.domain),
-                                                   qos, listener, dds::StatusMask::none());
-  if (impl_->participant == nullptr)
-    throw Error("cannot join DDS domain " + std::to_string(graph.dds.domain) + " as " + name);
-  dds::PublisherQos publisher;
-  const std::string partition = partition_of(graph);
-  publisher.partition().push_back(partition.c_str());
-  dds::SubscriberQos subscriber;
-  subscriber.partition().push_back(partition.c_str());
-  impl_->publisher = impl_->participant->create_publisher(publisher);
-  impl_->subscriber = impl_->participant->create_subscriber(subscriber);
-  if (impl_->publisher == nullptr || impl_->subscriber == nullptr)
-    throw Error("cannot set up publisher and subscriber of " + name);
+  impl_->join(graph.dds.domain, qos, partition_of(graph), listener);
+}
+
+Participant::Participant(int domain, const std::string& name) : impl_(std::make_unique<Impl>()) {
+  impl_->join(domain, udp_qos(name, false), "", nullptr);
 }
 
 Participant::~Participant() = default;

@@ -46,6 +46,8 @@ class Reader {
   virtual ~Reader() = default;
   // How many writers it has found.
   virtual int matched() const = 0;
+  // How many it has refused because they offer less than it asks for.
+  virtual int refused() const = 0;
 };
 
 // Within one process messages are handed over directly, else they go by UDP. A stage that feeds
@@ -59,6 +61,8 @@ class Participant {
   Participant(const GraphDescription& graph, const std::string& name,
               const Identity& identity = Identity::observer(),
               eprosima::fastdds::dds::DomainParticipantListener* listener = nullptr);
+  // For topics of others: no partition, discovery by multicast.
+  Participant(int domain, const std::string& name);
   ~Participant();
 
   // `type` is the name of one of our types ("Cloud"), or that of any other on the wire ("a::b::C").

@@ -37,7 +37,7 @@ class Ledger {
   }
 
   void admit(const idl::FrameHeader& header, Clock::time_point now);
-  void drop() { ++account_.dropped; }
+  void drop(std::uint64_t frames) { account_.dropped += frames; }
   // A leaf's report on a frame; reports that come twice or too late are ignored. One that comes too
   // early, because a stranger's message has claimed a frame before its time, holds for that frame.
   void done(const std::string& leaf, const idl::FrameHeader& header, const idl::FrameDone& done);

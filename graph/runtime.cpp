@@ -159,6 +159,8 @@ class StageRunner::Impl final : public StageHost {
             .stamp = wall_nanoseconds()};
   }
 
+  int domain() const override { return graph_.dds.domain; }
+
  private:
   const PortInfo& input_info(const std::string& port) const {
     for (const auto& info : stage_->inputs())
@@ -578,7 +580,7 @@ class StageRunner::Impl final : public StageHost {
     header.source = node_.name;
     header.model_id = first_model;
     begin_epoch(header);
-    skip_taken();
+    source_->skip(taken_);
     set_state(State::waiting, "");
     auto due = Clock::now();
     std::optional<std::string> name;
@@ -589,6 +591,7 @@ class StageRunner::Impl final : public StageHost {
         due = Clock::now();
         continue;
       }
+      if (!name && source_->live() && !is_next_due()) continue;
       if (!name) name = source_->next();
       if (!name) break;
       const Room room = await_room(due);
@@ -654,14 +657,21 @@ class StageRunner::Impl final : public StageHost {
     record_account();
   }
 
-  void skip_taken() {
-    for (std::uint64_t i = 0; i < taken_ && !stopping(); ++i)
-      if (!source_->next()) return;
+  // Of a live source: whether there is room for a frame and a frame; waits a little for both.
+  bool is_next_due() {
+    {
+      std::unique_lock lock(mutex_);
+      ledger_.drop(source_->missed());
+      const auto halted = [this] { return stop_ || draining_; };
+      const auto may_go = [&] { return halted() || ledger_.has_room(); };
+      if (!changed_.wait_for(lock, kTick, may_go) || halted()) return false;
+    }
+    return source_->ready(kTick);
   }
 
   void count_taken(bool admitted) {
     const std::scoped_lock lock(mutex_);
-    if (!admitted) ledger_.drop();
+    if (!admitted) ledger_.drop(1);
     record_.taken = ++taken_;
     record_account();
   }

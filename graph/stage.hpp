@@ -13,6 +13,7 @@
 //   };
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <map>
 #include <memory>
@@ -68,6 +69,8 @@ class StageHost {
   // This process goes on where another one of the same stage ended.
   virtual bool resumed() const = 0;
   virtual idl::FrameHeader header() const = 0;
+  // DDS domain of the graph.
+  virtual int domain() const = 0;
 };
 
 class Stage {
@@ -107,6 +110,7 @@ class Stage {
   // Whether another process of this stage worked on the stream before: after a crash, or when a
   // stage is swapped.
   bool resumed() const { return host_ != nullptr && host_->resumed(); }
+  int domain() const { return host_ == nullptr ? 0 : host_->domain(); }
 
  private:
   friend class PortBase;
@@ -126,6 +130,20 @@ class SourceStage : public Stage {
   // With a rate: whether a frame is dropped when the next one is there and it could not be
   // admitted (else it waits).
   virtual bool drop_when_full() const { return false; }
+  // Called once before next(): `count` frames have been taken by processes of this stage that came
+  // before and are not to be taken again.
+  virtual void skip(std::uint64_t count) {
+    for (std::uint64_t i = 0; i < count && !stopping(); ++i)
+      if (!next()) return;
+  }
+
+  // -- A sensor's frames come when they come, and the newest counts --
+  // Whether next() is asked for a frame only when there is room for it.
+  virtual bool live() const { return false; }
+  // Whether next() can answer; waits for it up to `patience`. Live sources only, as missed().
+  virtual bool ready(std::chrono::milliseconds /*patience*/) { return true; }
+  // Frames that have made way for newer ones since this was last asked; they count as dropped.
+  virtual std::uint64_t missed() { return 0; }
 };
 
 enum class Need { required, optional };

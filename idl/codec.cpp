@@ -139,7 +139,7 @@ struct MessageOf;
 template <>
 struct MessageOf<Cloud> {
   using Type = msg::Cloud;
-  static constexpr std::string_view kLayout = "ffffS4444sfS44";
+  static constexpr std::string_view kLayout = "ffffS4444sfS44s8";
 };
 
 void fill(msg::Cloud& message, const Cloud& value) {
@@ -155,6 +155,8 @@ void fill(msg::Cloud& message, const Cloud& value) {
   message.notes(value.notes);
   message.width(value.width);
   message.height(value.height);
+  message.frame_id(value.frame_id);
+  message.stamp(value.stamp);
 }
 
 Cloud take(msg::Cloud& message) {
@@ -169,7 +171,9 @@ Cloud take(msg::Cloud& message) {
               .dense_index = std::move(message.dense_index()),
               .notes = std::move(message.notes()),
               .width = message.width(),
-              .height = message.height()};
+              .height = message.height(),
+              .frame_id = std::move(message.frame_id()),
+              .stamp = message.stamp()};
   check_sizes(value);
   require(is_positive(value.scale), "scale is not positive");
   require(std::ranges::all_of(value.dense_index, [](std::int32_t i) { return i >= kNoPoint; }),

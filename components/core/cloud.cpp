@@ -40,7 +40,9 @@ Cloud finite_points(const Cloud& cloud) {
   Cloud result{.label_names = cloud.label_names,
                .origin = cloud.origin,
                .scale = cloud.scale,
-               .recipe = cloud.recipe};
+               .recipe = cloud.recipe,
+               .frame_id = cloud.frame_id,
+               .stamp = cloud.stamp};
   const auto copy_point = [](const std::vector<float>& from, std::size_t i,
                              std::vector<float>& to) {
     if (!from.empty()) to.insert(to.end(), &from[3 * i], &from[3 * i] + 3);

@@ -42,6 +42,10 @@ struct Cloud {
   std::uint32_t width = 0;
   std::uint32_t height = 1;
 
+  // Of a sensor's cloud: the name of its coordinate frame, and when it was taken in ns since 1970.
+  std::string frame_id;
+  std::int64_t stamp = 0;
+
   std::size_t size() const { return xyz.size() / 3; }
 };
 

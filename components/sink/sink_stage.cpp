@@ -1,6 +1,8 @@
 #include <filesystem>
 
+#include "graph/ros2.hpp"
 #include "graph/stage.hpp"
+#include "idl/point_cloud2.hpp"
 #include "io/cloud_io.hpp"
 #include "io/file.hpp"
 #include "sink/results.hpp"
@@ -29,18 +31,50 @@ namespace fs = std::filesystem;
 
 class SinkStage final : public graph::Stage {
  public:
-  std::string summary() const override { return "writes labelled clouds, figures and pictures"; }
+  std::string summary() const override {
+    return "writes labelled clouds, figures and pictures; publishes labelled clouds to ROS 2";
+  }
 
   Fields parameters() override {
-    return {text_field("folder", folder_, "where the results go; made if it does not exist"),
-            choice_field("format", format_, "of the labelled clouds"),
-            boolean_field("picture", picture_, "a PNG per frame: query, segments, labels, truth"),
-            text_field("reference", reference_,
-                       "labelled cloud shown as first panel of the pictures; empty: none")};
+    Fields fields{
+        text_field("folder", folder_,
+                   "where the results go; made if it does not exist. Empty: nothing is "
+                   "written, for those who publish"),
+        choice_field("format", format_, "of the labelled clouds"),
+        boolean_field("picture", picture_, "a PNG per frame: query, segments, labels, truth"),
+        text_field("reference", reference_,
+                   "labelled cloud shown as first panel of the pictures; empty: none")};
+    return concatenated(
+        std::move(fields),
+        prefixed("ros2", graph::ros2::describe(
+                             topic_, "PointCloud2 topic of the labelled clouds; empty: none",
+                             "clouds kept for slow subscribers")));
   }
 
   void start() override {
-    if (folder_.empty()) throw ParameterError("folder: no output folder is given");
+    if (!topic_.name.empty()) publisher_.emplace(topic_, domain());
+    if (folder_.empty() && !publisher_)
+      throw ParameterError("folder: neither an output folder nor ros2.topic is given");
+    if (!folder_.empty()) open_folder();
+  }
+
+  void process(graph::Frame& frame) override {
+    const Cloud input = input_.get(frame);
+    const Labelling labelling = labelling_.get(frame);
+    const sink::Labelled labelled = sink::to_input(input, labelling);
+    if (publisher_)
+      publisher_->publish(idl::encode(idl::to_point_cloud2(labelled.cloud, labelled.confidence)));
+    if (!folder_.empty()) write(frame, input, labelling, labelled);
+  }
+
+  void end() override {
+    if (publisher_) publisher_->await_subscribers(kPatience);
+  }
+
+ private:
+  static constexpr std::chrono::seconds kPatience{2};  // for subscribers at the stream's end
+
+  void open_folder() {
     std::error_code error;
     fs::create_directories(folder_, error);
     if (error) throw InputError(folder_ + ": cannot be made: " + error.message());
@@ -49,12 +83,9 @@ class SinkStage final : public graph::Stage {
     if (!reference_.empty()) reference_cloud_ = io::read_cloud(reference_);
   }
 
-  void process(graph::Frame& frame) override {
-    const Cloud input = input_.get(frame);
+  void write(const graph::Frame& frame, const Cloud& input, const Labelling& labelling,
+             const sink::Labelled& labelled) {
     const Segments segments = segments_.get(frame);
-    const Labelling labelling = labelling_.get(frame);
-    const sink::Labelled labelled = sink::to_input(input, labelling);
-
     const fs::path base = fs::path(folder_) / file_name(frame.name());
     if (picture_) write_picture(base.string() + ".png", frame.name(), input, segments, labelling);
     const io::Column confidence{.name = "confidence", .value = labelled.confidence};
@@ -66,7 +97,6 @@ class SinkStage final : public graph::Stage {
     io::write_file(results_file(), sink::results_json(results_, earlier_));
   }
 
- private:
   // A frame's name comes with its messages, and must not lead out of the folder.
   static const std::string& file_name(const std::string& frame) {
     if (frame.empty() || frame.find('/') != std::string::npos ||
@@ -90,6 +120,8 @@ class SinkStage final : public graph::Stage {
   graph::Input<Cloud> input_{*this, "input", "the input's own points"};
   graph::Input<Segments> segments_{*this, "segments", "for the pictures and the oracle"};
   graph::Input<Labelling> labelling_{*this, "labelling", "what is written"};
+  graph::ros2::Topic topic_{.depth = 10};
+  std::optional<graph::ros2::Publisher> publisher_;
   std::string folder_;
   std::string reference_;
   Format format_ = Format::ply;

@@ -3,8 +3,10 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "graph/runtime.hpp"
 
@@ -63,6 +65,34 @@ class Numbers final : public SourceStage {
   int at_ = 0;
   double rate_ = 0.0;
   bool drop_ = false;
+};
+
+// Three more frames come whenever there is room for one, and the last of them is taken.
+class Sensor final : public SourceStage {
+ public:
+  std::string summary() const override { return "2, 5, 8, ..."; }
+  bool live() const override { return true; }
+  bool ready(std::chrono::milliseconds) override {
+    ++asked_;
+    if (asked_ % 2 == 1) return false;  // nothing yet
+    at_ += 3;
+    if (at_ <= 30) missed_ += 2;
+    return true;
+  }
+  std::uint64_t missed() override { return std::exchange(missed_, 0); }
+  std::optional<std::string> next() override {
+    if (at_ > 30) return std::nullopt;
+    const std::scoped_lock lock(seen->mutex);
+    seen->most_in_flight = std::max(seen->most_in_flight, ++seen->in_flight);
+    return "number " + std::to_string(at_ - 1);
+  }
+  void process(Frame& frame) override { out_.put(frame, number(static_cast<float>(at_ - 1))); }
+
+ private:
+  Output<Cloud> out_{*this, "out", ""};
+  int asked_ = 0;
+  int at_ = 0;
+  std::uint64_t missed_ = 0;
 };
 
 class Add final : public Stage {
@@ -140,6 +170,7 @@ StageFactory factory() {
 }
 
 const StageTable kTable{{"numbers", factory<Numbers>()},
+                        {"sensor", factory<Sensor>()},
                         {"add", factory<Add>()},
                         {"sum", factory<Sum>()},
                         {"provider", factory<Provider>()}};
@@ -285,6 +316,28 @@ TEST_F(Run, LiveSourceDropsWhatItCannotAdmitAndCountsIt) {
   EXPECT_GT(report.account.dropped, 0U);
   EXPECT_EQ(report.account.admitted + report.account.dropped, 20U);
   EXPECT_EQ(report.account.admitted, report.account.labelled);
+}
+
+// A frame that waited for room would be an old one.
+TEST_F(Run, SensorIsAskedForAFrameOnlyWhenThereIsRoom) {
+  GraphDescription diamond = graph(R"(version: 1
+graph: diamond
+window: 2
+stages:
+  sensor: {use: sensor}
+  left: {use: add, inputs: {in: sensor/out}}
+  right: {use: add, inputs: {in: sensor/out}, params: {sleep: 5}}
+  sum: {use: sum, inputs: {a: left/out, b: right/out}}
+)");
+  const RunReport report = run_in_process(diamond, kTable, {});
+  EXPECT_TRUE(report.fine()) << report.error;
+  EXPECT_LE(seen_.most_in_flight, 2);
+  ASSERT_THAT(seen_.frames, SizeIs(10));
+  for (int i = 0; i < 10; ++i)
+    EXPECT_EQ(seen_.frames[i].first, "number " + std::to_string(3 * i + 2));
+  EXPECT_EQ(report.account.admitted, 10U);
+  EXPECT_EQ(report.account.labelled, 10U);
+  EXPECT_EQ(report.account.dropped, 20U);
 }
 
 TEST_F(Run, ConcurrentRunsOfOneGraphDoNotMeet) {

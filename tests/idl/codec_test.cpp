@@ -30,7 +30,9 @@ Cloud example_cloud() {
           .dense_index = {3, kNoPoint},
           .notes = {"reduced"},
           .width = 2,
-          .height = 1};
+          .height = 1,
+          .frame_id = "camera",
+          .stamp = 9};
 }
 
 AppearanceModel example_appearance() {
@@ -113,6 +115,8 @@ TEST(Codec, CloudSurvives) {
   EXPECT_EQ(after.notes, before.notes);
   EXPECT_EQ(after.width, before.width);
   EXPECT_EQ(after.height, before.height);
+  EXPECT_EQ(after.frame_id, before.frame_id);
+  EXPECT_EQ(after.stamp, before.stamp);
 }
 
 TEST(Codec, AdjacencySurvivesFlattening) {

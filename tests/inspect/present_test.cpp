@@ -51,6 +51,8 @@ dense_index: []
 notes: [reduced]
 width: 4
 height: 1
+frame_id: ""
+stamp: 0  # 1970-01-01T00:00:00.000Z
 )");
 }
 

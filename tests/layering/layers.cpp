@@ -71,7 +71,7 @@ bool is_private_to_sources(std::string_view header) {
          starts_with_any(header, {"pcl/", "opencv2/"});
 }
 bool is_generated(std::string_view header) {
-  return header.substr(header.rfind('/') + 1).starts_with("coseg_");
+  return starts_with_any(header.substr(header.rfind('/') + 1), {"coseg_", "ros2_"});
 }
 
 // A source file, as its place in the tree tells.
