@@ -624,9 +624,8 @@ class Agent::Impl {
 
   // To a stage, to another agent, or to this one.
   void send(const idl::Command& command) {
-    const bool for_stage = command.verb == verb::kDrain || command.verb == verb::kRelease ||
-                           command.verb == verb::kActivate;
-    if (!for_stage && (options_.host.empty() || command.host == options_.host))
+    if (!verb::is_for_stage(command.verb) &&
+        (options_.host.empty() || command.host == options_.host))
       obey(command);
     else
       command_writer_->write(idl::encode(header(), command));

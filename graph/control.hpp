@@ -30,6 +30,11 @@ constexpr std::string_view kDrain = "drain";
 constexpr std::string_view kRelease = "release";
 // To the newcomer: end of standby; words: a Handover per replica.
 constexpr std::string_view kActivate = "activate";
+
+// All other orders are for agents.
+constexpr bool is_for_stage(std::string_view verb) {
+  return verb == kDrain || verb == kRelease || verb == kActivate;
+}
 }  // namespace verb
 
 // What one process of a stage leaves to the one that takes its place.

@@ -1,31 +1,23 @@
 #include "graph/credentials.hpp"
 
-#include <openssl/bio.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
-#include <openssl/pkcs7.h>
-#include <openssl/x509.h>
 
-#include <memory>
+#include "graph/openssl.hpp"
 
 namespace cosegraph::graph {
 namespace {
 
 namespace fs = std::filesystem;
 
-template <auto free>
-struct Free {
-  template <class T>
-  void operator()(T* object) const {
-    free(object);
-  }
-};
-using Bio = std::unique_ptr<BIO, Free<BIO_free>>;
-using Certificate = std::unique_ptr<X509, Free<X509_free>>;
-using Key = std::unique_ptr<EVP_PKEY, Free<EVP_PKEY_free>>;
+using openssl::Bio;
+using openssl::Certificate;
+using openssl::Free;
+using openssl::Key;
+using openssl::Signed;
+using openssl::text_of;
 using Store = std::unique_ptr<X509_STORE, Free<X509_STORE_free>>;
 using StoreContext = std::unique_ptr<X509_STORE_CTX, Free<X509_STORE_CTX_free>>;
-using Signed = std::unique_ptr<PKCS7, Free<PKCS7_free>>;
 
 Bio open(const fs::path& file) {
   return Bio(BIO_new_file(file.c_str(), "r"));
@@ -42,12 +34,6 @@ Store read_authority(const fs::path& file) {
   Store store(X509_STORE_new());
   X509_STORE_add_cert(store.get(), read_certificate(file).get());
   return store;
-}
-
-std::string text_of(const Bio& bio) {
-  char* text = nullptr;
-  const long size = BIO_get_mem_data(bio.get(), &text);
-  return {text, static_cast<std::size_t>(size)};
 }
 
 std::string text_of(const ASN1_TIME* time) {

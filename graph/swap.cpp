@@ -304,47 +304,43 @@ SwapReport Swap::report(const std::deque<FrameReport>& frames) const {
 
 std::vector<idl::Command> end_leftover_swap(const GraphView& view, const std::string& stage,
                                             const std::string& host) {
-  // The newest process of every replica is the newcomer, if there are two, or if it stands by.
-  std::map<std::uint32_t, ProcessKey> newest;
+  // By replica and generation; of two of a replica, or of one that stands by, the newest is the
+  // newcomer's.
+  std::map<ProcessKey, bool> running;  // whether it stands by
   std::uint32_t newcomer = 0;
   for (const auto& [key, process] : view.processes) {
-    if (std::get<0>(key) != stage || process.state != ProcessState::running) continue;
+    const auto& [name, replica, generation] = key;
+    if (name != stage || process.state != ProcessState::running) continue;
     const Known* seen = known(view, key);
-    if (newest.contains(std::get<1>(key)) || (seen != nullptr && seen->second.candidate))
-      newcomer = std::max(newcomer, std::get<2>(key));
-    newest[std::get<1>(key)] = key;
+    const bool stands_by = seen != nullptr && seen->second.candidate;
+    const bool is_second = !running.empty() && std::get<1>(running.rbegin()->first) == replica;
+    if (is_second || stands_by) newcomer = std::max(newcomer, generation);
+    running[key] = stands_by;
   }
   std::vector<idl::Command> orders;
   const auto order = [&](std::string_view verb, std::uint32_t generation) {
-    const bool to_stage = verb == verb::kDrain || verb == verb::kRelease || verb == verb::kActivate;
     orders.push_back({.id = random_id(),
-                      .host = to_stage ? "" : host,
+                      .host = verb::is_for_stage(verb) ? "" : host,
                       .stage = stage,
                       .generation = generation,
                       .verb = std::string(verb)});
   };
-  const auto is_here = [&](const ProcessKey& key) {
-    const auto found = view.hosts.find(key);
-    return found != view.hosts.end() && found->second == host;
-  };
   if (newcomer == 0) {
     // The old ones are alone: they may still hold, or not be started again.
-    for (const auto& [replica, key] : newest)
-      if (is_here(key)) {
+    for (const auto& [key, stands_by] : running)
+      if (const auto found = view.hosts.find(key);
+          found != view.hosts.end() && found->second == host) {
         order(verb::kRelease, std::get<2>(key) + 1);
         order(verb::kKeep, std::get<2>(key) + 1);
       }
     return orders;
   }
-  bool has_taken_over = false;
-  bool is_alone = true;
-  for (const auto& [key, process] : view.processes) {
-    if (std::get<0>(key) != stage || process.state != ProcessState::running) continue;
-    if (std::get<2>(key) < newcomer) is_alone = false;
-    const Known* seen = known(view, key);
-    if (std::get<2>(key) == newcomer && seen != nullptr && !seen->second.candidate)
-      has_taken_over = true;
-  }
+  const bool has_taken_over = std::ranges::any_of(running, [&](const auto& process) {
+    const Known* seen = known(view, process.first);
+    return std::get<2>(process.first) == newcomer && seen != nullptr && !process.second;
+  });
+  const bool is_alone = std::ranges::all_of(
+      running, [&](const auto& process) { return std::get<2>(process.first) >= newcomer; });
   if (has_taken_over || is_alone) {
     order(verb::kActivate, newcomer);
     order(verb::kReplace, newcomer);

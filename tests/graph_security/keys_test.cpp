@@ -49,14 +49,14 @@ TEST(Keys, HaveTheirLayout) {
                   "ca/permissions_key.pem", "governance.p7s", "identity_ca.pem",
                   "observer/cert.pem", "observer/key.pem", "observer/permissions.p7s",
                   "permissions_ca.pem", "stages/camera/cert.pem", "stages/camera/key.pem",
-                  "stages/camera/permissions.p7s", "stages/work/cert.pem", "stages/work/key.pem",
-                  "stages/work/permissions.p7s"));
+                  "stages/camera/permissions.p7s", "stages/grow/cert.pem", "stages/grow/key.pem",
+                  "stages/grow/permissions.p7s"));
 }
 
 TEST(Keys, AreForTheirOwnerOnly) {
   const mode_t before = ::umask(0);
   KeyWorld world;
-  keys::issue(world.graph(), fake_catalog(), world.path("keys"), {"work"}, keys::from_now(1));
+  keys::issue(world.graph(), fake_catalog(), world.path("keys"), {"grow"}, keys::from_now(1));
   ::umask(before);
   for (const auto& file : files_in(world.path("keys"))) {
     const bool secret = file.ends_with("key.pem");
@@ -65,7 +65,7 @@ TEST(Keys, AreForTheirOwnerOnly) {
               secret)
         << file;
   }
-  for (const char* folder : {"keys", "keys/ca", "keys/stages", "keys/stages/work"})
+  for (const char* folder : {"keys", "keys/ca", "keys/stages", "keys/stages/grow"})
     EXPECT_EQ(mode_of(world.path(folder)), 0700U) << folder;
 }
 
@@ -100,11 +100,11 @@ TEST(Keys, AreIssuedAnewForOneStage) {
   for (const auto& file : files_in(world.path("keys")))
     before[file] = io::read_file(world.path("keys") / file);
   EXPECT_THAT(
-      keys::issue(world.graph(), fake_catalog(), world.path("keys"), {"work"}, keys::from_now(1)),
-      ElementsAre("stage 'work'"));
+      keys::issue(world.graph(), fake_catalog(), world.path("keys"), {"grow"}, keys::from_now(1)),
+      ElementsAre("stage 'grow'"));
   EXPECT_EQ(files_in(world.path("keys")).size(), before.size());
   for (const auto& [file, bytes] : before) {
-    const bool renewed = file.starts_with("stages/work/") || file == "governance.p7s";
+    const bool renewed = file.starts_with("stages/grow/") || file == "governance.p7s";
     EXPECT_EQ(io::read_file(world.path("keys") / file) != bytes, renewed) << file;
   }
   EXPECT_THAT(faults(world), IsEmpty());
@@ -116,14 +116,14 @@ TEST(Keys, AreIssuedForKnownNamesWhereTheAuthoritiesAre) {
     keys::issue(world.graph(), fake_catalog(), world.path("keys"), {name}, keys::from_now(1));
   };
   EXPECT_THROW(
-      try { issue("wrok"); } catch (const ParameterError& error) {
-        EXPECT_THAT(error.what(), HasSubstr("did you mean 'work'?"));
+      try { issue("gorw"); } catch (const ParameterError& error) {
+        EXPECT_THAT(error.what(), HasSubstr("did you mean 'grow'?"));
         throw;
       },
       ParameterError);
   EXPECT_NO_THROW(issue("observer"));
   fs::remove_all(world.path("keys/ca"));
-  EXPECT_THROW(issue("work"), InputError);
+  EXPECT_THROW(issue("grow"), InputError);
   EXPECT_THAT(faults(world), IsEmpty()) << "the authorities' keys are not needed to run";
 }
 
@@ -154,11 +154,11 @@ TEST(KeyCheck, NamesEveryFault) {
   fs::remove(world.path("keys/identity_ca.pem"));
   fs::remove_all(world.path("keys/observer"));
   fs::remove(world.path("keys/stages/camera/key.pem"));
-  ::chmod(world.path("keys/stages/work/key.pem").c_str(), 0640);
+  ::chmod(world.path("keys/stages/grow/key.pem").c_str(), 0640);
   EXPECT_THAT(faults(world),
               ElementsAre("security: there is no KEYS/identity_ca.pem",
                           "security: there is no KEYS/stages/camera/key.pem",
-                          "security: KEYS/stages/work/key.pem may be read by others; chmod 600 it",
+                          "security: KEYS/stages/grow/key.pem may be read by others; chmod 600 it",
                           "security: observer has no keys in KEYS; 'cosegraph keys issue' makes"
                           " them"));
 }
@@ -166,7 +166,7 @@ TEST(KeyCheck, NamesEveryFault) {
 TEST(KeyCheck, SeesThatTheGraphHasChanged) {
   KeyWorld world;
   world.write_graph("{cloud: camera/cloud}");
-  EXPECT_THAT(faults(world), ElementsAre("security: KEYS/stages/work/permissions.p7s is not for "
+  EXPECT_THAT(faults(world), ElementsAre("security: KEYS/stages/grow/permissions.p7s is not for "
                                          "this graph as it is now; issue it again with 'cosegraph "
                                          "keys issue'"));
   keys::issue(world.graph(), fake_catalog(), world.path("keys"), {}, keys::from_now(1));
@@ -189,13 +189,13 @@ TEST(KeyCheck, AsksOnlyForWhatRunsHere) {
 
 TEST(KeyCheck, IsPartOfTheCheckOfAGraph) {
   KeyWorld world;
-  fs::remove(world.path("keys/stages/work/cert.pem"));
+  fs::remove(world.path("keys/stages/grow/cert.pem"));
   try {
     load(world.path("graph.yaml"), fake_catalog());
     FAIL();
   } catch (const GraphError& error) {
     EXPECT_THAT(error.what(), HasSubstr("graph.yaml:3:"));
-    EXPECT_THAT(error.what(), HasSubstr("stages/work/cert.pem"));
+    EXPECT_THAT(error.what(), HasSubstr("stages/grow/cert.pem"));
   }
 }
 

@@ -83,13 +83,13 @@ std::string some_points() {
   return bytes;
 }
 
-// The traffic while a cloud goes from `camera` to `work`.
+// The traffic while a cloud goes from `camera` to `grow`.
 std::string recorded(const GraphDescription& graph) {
   Recorder recorder;
   EXPECT_TRUE(recorder.works());
   std::atomic<bool> arrived = false;
-  Participant work(graph, "work", Identity::of_stage("work"));
-  const auto reader = work.reader("g/camera/dense", "Cloud", {}, [&](const Sample& sample) {
+  Participant grow(graph, "grow", Identity::of_stage("grow"));
+  const auto reader = grow.reader("g/camera/dense", "Cloud", {}, [&](const Sample& sample) {
     const std::string bytes(sample->begin(), sample->end());
     arrived = bytes.find(some_points()) != std::string::npos;
   });

@@ -44,11 +44,11 @@ class KeyWorld {
     return result;
   }
 
-  // The graph file with these inputs of the stage `work`; the description follows.
+  // The graph file with these inputs of the stage `grow`; the description follows.
   void write_graph(const std::string& inputs) {
     const std::string text =
         "version: 1\ngraph: g\ndds: {domain: " + std::to_string(1 + ::getpid() % 230) +
-        ", security: keys}\nstages:\n  camera: {use: source}\n  work: {use: supervoxels, inputs: " +
+        ", security: keys}\nstages:\n  camera: {use: source}\n  grow: {use: supervoxels, inputs: " +
         inputs + "}\n";
     io::write_file(folder_ / "graph.yaml", text);
     std::vector<Fault> faults;

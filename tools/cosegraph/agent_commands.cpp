@@ -14,6 +14,7 @@
 #include "graph/remote.hpp"
 #include "graph/runs.hpp"
 #include "graph/swap.hpp"
+#include "tools/account_json.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/hosts.hpp"
 #include "tools/cosegraph/run_graph.hpp"
@@ -141,11 +142,7 @@ Json ps_json(const graph::GraphDescription& graph,
   for (const auto& row : rows) {
     const idl::StageStatus& status = row.now.status;
     if (const auto& account = status.account; account.admitted + account.dropped > 0)
-      accounts = {{"admitted", account.admitted},
-                  {"labelled", account.labelled},
-                  {"consumed", account.consumed},
-                  {"failed", account.failed},
-                  {"dropped", account.dropped}};
+      accounts = account_json(account);
     processes.push_back({{"process", row.process},
                          {"kind", status.kind},
                          {"host", status.host},

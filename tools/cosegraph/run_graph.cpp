@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "graph/control.hpp"
+#include "tools/account_json.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
 
@@ -89,12 +90,7 @@ nlohmann::ordered_json to_json(const graph::RunReport& report,
           {"fine", report.fine()},
           {"error", report.error},
           {"interrupted", report.interrupted},
-          {"account",
-           {{"admitted", report.account.admitted},
-            {"labelled", report.account.labelled},
-            {"consumed", report.account.consumed},
-            {"failed", report.account.failed},
-            {"dropped", report.account.dropped}}},
+          {"account", account_json(report.account)},
           {"stages", std::move(stages)},
           {"failures", std::move(failures)}};
 }

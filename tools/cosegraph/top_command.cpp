@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tools/account_json.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/watching.hpp"
 
@@ -64,12 +65,7 @@ Json rows_json(const std::vector<Row>& rows) {
       stages.back()["hz"] = row.load.rate;
       stages.back()["cpu"] = row.load.cpu;
     }
-    if (status.account.admitted > 0)
-      account = {{"admitted", status.account.admitted},
-                 {"labelled", status.account.labelled},
-                 {"consumed", status.account.consumed},
-                 {"failed", status.account.failed},
-                 {"dropped", status.account.dropped}};
+    if (status.account.admitted > 0) account = account_json(status.account);
   }
   return {{"stages", stages}, {"account", account}};
 }

@@ -1,34 +1,26 @@
 #include "tools/keys/authority.hpp"
 
-#include <openssl/bio.h>
 #include <openssl/err.h>
-#include <openssl/evp.h>
 #include <openssl/pem.h>
-#include <openssl/pkcs7.h>
 #include <openssl/rand.h>
-#include <openssl/x509.h>
 #include <openssl/x509v3.h>
 
 #include <initializer_list>
-#include <memory>
 #include <utility>
+
+#include "graph/openssl.hpp"
 
 namespace cosegraph::keys {
 namespace {
 
-template <auto release>
-struct Release {
-  template <class T>
-  void operator()(T* object) const {
-    release(object);
-  }
-};
-using Bio = std::unique_ptr<BIO, Release<BIO_free>>;
-using Certificate = std::unique_ptr<X509, Release<X509_free>>;
-using Key = std::unique_ptr<EVP_PKEY, Release<EVP_PKEY_free>>;
-using Number = std::unique_ptr<BIGNUM, Release<BN_free>>;
-using Extension = std::unique_ptr<X509_EXTENSION, Release<X509_EXTENSION_free>>;
-using Signed = std::unique_ptr<PKCS7, Release<PKCS7_free>>;
+using openssl::Bio;
+using openssl::Certificate;
+using openssl::Free;
+using openssl::Key;
+using openssl::Signed;
+using openssl::text_of;
+using Number = std::unique_ptr<BIGNUM, Free<BN_free>>;
+using Extension = std::unique_ptr<X509_EXTENSION, Free<X509_EXTENSION_free>>;
 
 // Throws with OpenSSL's reason unless `fine`.
 void require(bool fine, const std::string& what) {
@@ -37,12 +29,6 @@ void require(bool fine, const std::string& what) {
   ERR_error_string_n(ERR_get_error(), reason, sizeof reason);
   ERR_clear_error();
   throw Error("cannot " + what + ": " + reason);
-}
-
-std::string text_of(const Bio& bio) {
-  char* data = nullptr;
-  const long size = BIO_get_mem_data(bio.get(), &data);
-  return {data, static_cast<std::size_t>(size)};
 }
 
 Bio memory() {

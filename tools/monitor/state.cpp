@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "graph/control.hpp"
+#include "tools/account_json.hpp"
 
 template <>
 cosegraph::Names<cosegraph::monitor::RunState> cosegraph::names<cosegraph::monitor::RunState>() {
@@ -53,12 +54,7 @@ ordered_json to_json(const graph::Observed& seen, const std::string& process,
       {"latency_sum", status.latency_sum},
       {"cpu_seconds", status.cpu_seconds},
       {"memory", status.memory},
-      {"account",
-       {{"admitted", status.account.admitted},
-        {"labelled", status.account.labelled},
-        {"consumed", status.account.consumed},
-        {"failed", status.account.failed},
-        {"dropped", status.account.dropped}}},
+      {"account", account_json(status.account)},
       {"ports", std::move(ports)}};
 }
 
