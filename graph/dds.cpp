@@ -120,22 +120,34 @@ std::set<std::string> topics_between_hosts(const GraphDescription& graph, const 
 
 using Udp = eprosima::fastdds::rtps::UDPv4TransportDescriptor;
 
-// Sends messages that networks carry in one packet; takes in any.
-class OnePacketUdp final : public Udp {
+// Sends messages of at most so many bytes; takes in any.
+class UdpOfSmallMessages final : public Udp {
  public:
-  // A larger message is several IP fragments, and lost with any of them. What is left of it stops
-  // the receiver: the kernel keeps it for 30 s in 4 MB, and takes no further fragments meanwhile.
-  std::uint32_t max_message_size() const override { return kMtu - kIpAndUdpHeaders; }
+  explicit UdpOfSmallMessages(std::uint32_t bytes) : bytes_(bytes) {}
+  std::uint32_t max_message_size() const override { return bytes_; }
 
  private:
-  static constexpr std::uint32_t kMtu =
-      1400;  // that of most tunnels and overlays; Ethernet's: 1500
-  static constexpr std::uint32_t kIpAndUdpHeaders = 28;
+  std::uint32_t bytes_;
 };
 
-std::shared_ptr<Udp> udp_transport(bool between_hosts) {
+// What networks carry in one packet, bytes. A larger message is several IP fragments, and lost with
+// any of them. What is left of it stops the receiver: the kernel keeps it for 30 s in 4 MB, and
+// takes no further fragments meanwhile.
+std::uint32_t message_size_between_hosts(const GraphDescription& graph) {
+  constexpr std::uint32_t kMtu = 1400;  // that of most tunnels and overlays; Ethernet's: 1500
+  constexpr std::uint32_t kIpAndUdpHeaders = 28;
+  // Participants prove who they are in one message, which Fast DDS does not cut: a certificate
+  // (0.7 kB), the signed permissions (3 kB, 50 B of it for each topic), keys. It has one limit for
+  // all messages. A flow controller of one packet would cut the others, at 0.4 ms for each packet.
+  constexpr std::uint32_t kHandshake = 8192;
+  return graph.dds.security.empty() ? kMtu - kIpAndUdpHeaders : kHandshake;
+}
+
+// `message_size`: 0 for what UDP can take.
+std::shared_ptr<Udp> udp_transport(std::uint32_t message_size) {
   constexpr std::uint32_t kSocketBuffer = 4U << 20U;
-  auto udp = between_hosts ? std::make_shared<OnePacketUdp>() : std::make_shared<Udp>();
+  auto udp = message_size == 0 ? std::make_shared<Udp>()
+                               : std::make_shared<UdpOfSmallMessages>(message_size);
   udp->sendBufferSize = kSocketBuffer;
   udp->receiveBufferSize = kSocketBuffer;
   udp->non_blocking_send = false;
@@ -162,17 +174,18 @@ std::shared_ptr<eprosima::fastdds::rtps::FlowControllerDescriptor> rate_limit(do
 
 // UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
 // behind that stops its readers for good.
-dds::DomainParticipantQos udp_qos(const std::string& name, bool between_hosts) {
+dds::DomainParticipantQos udp_qos(const std::string& name, std::uint32_t message_size) {
   dds::DomainParticipantQos qos;
   qos.name(name);
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(udp_transport(between_hosts));
+  qos.transport().user_transports.push_back(udp_transport(message_size));
   return qos;
 }
 
 dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name,
                                           bool between_hosts) {
-  dds::DomainParticipantQos qos = udp_qos(name, between_hosts);
+  dds::DomainParticipantQos qos =
+      udp_qos(name, between_hosts ? message_size_between_hosts(graph) : 0);
   if (graph.dds.rate > 0.0) qos.flow_controllers().push_back(rate_limit(graph.dds.rate));
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   // A participant that is silent for so long is given up, with what was sent to it. Those of one
@@ -344,7 +357,7 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
 }
 
 Participant::Participant(int domain, const std::string& name) : impl_(std::make_unique<Impl>()) {
-  impl_->join(domain, udp_qos(name, false), "", nullptr);
+  impl_->join(domain, udp_qos(name, 0), "", nullptr);
 }
 
 Participant::~Participant() = default;

@@ -51,8 +51,8 @@ class Reader {
 };
 
 // Within one process messages are handed over directly, else they go by UDP. A stage that feeds
-// another host sends messages of one packet, which need more of the CPU than large ones but arrive
-// where packets are lost.
+// another host sends messages of one packet, with security of six, which need more of the CPU than
+// large ones but arrive where packets are lost.
 class Participant {
  public:
   // `identity`: whose keys it has, if the graph has security. `listener`, who is told of other

@@ -7,8 +7,11 @@
 #include <pcl/search/kdtree.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
+#include "core/error.hpp"
+#include "core/nearest.hpp"
 #include "pcl_console/pcl_console.hpp"
 
 namespace cosegraph::descriptors {
@@ -17,7 +20,11 @@ namespace {
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 using Normals = pcl::PointCloud<pcl::Normal>;
 
+// Throws InputError for numbers that are not finite, or so large that FLANN's sums of them are not.
 Points::Ptr points_of(std::span<const float> xyz) {
+  for (const float x : xyz)
+    if (!(std::abs(x) <= NearestNeighbours::kFarthest))
+      throw InputError("a point is not finite, or too far out");
   Points::Ptr points(new Points);
   points->reserve(xyz.size() / 3);
   for (std::size_t i = 0; i < xyz.size(); i += 3)

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "core/nearest.hpp"
 #include "source/extraction.hpp"
 #include "source/grid.hpp"
 #include "source/normals.hpp"
@@ -23,11 +24,12 @@ void require_enough(std::size_t count, const std::string& what) {
                      std::to_string(kFewestPoints) + " are needed");
 }
 
+// Points so far out that nothing could be computed with them count as not finite.
 Indices finite_indices(const Cloud& cloud) {
+  const auto usable = [](float x) { return std::abs(x) <= NearestNeighbours::kFarthest; };
   Indices finite;
   for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (std::isfinite(cloud.xyz[3 * i]) && std::isfinite(cloud.xyz[3 * i + 1]) &&
-        std::isfinite(cloud.xyz[3 * i + 2]))
+    if (std::all_of(&cloud.xyz[3 * i], &cloud.xyz[3 * i] + 3, usable))
       finite.push_back(static_cast<std::int32_t>(i));
   return finite;
 }

@@ -7,6 +7,7 @@
 #include <pcl/search/kdtree.h>
 
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "descriptors/surfaces.hpp"
@@ -110,6 +111,16 @@ TEST(LocalDescriptors, AreNotFiniteWherePointsHaveNoNeighbours) {
   EXPECT_TRUE(undescribed(fpfh({egg.xyz, egg.normal}, Indices{3}, 1e-4, 1)));
   EXPECT_TRUE(undescribed(shot({egg.xyz, egg.normal}, Indices{3}, 1e-4, 1)));
   EXPECT_TRUE(fpfh({egg.xyz, egg.normal}, {}, 0.1, 1).empty());
+}
+
+TEST(LocalDescriptors, RefusePointsWithWhichNothingCanBeComputed) {
+  for (const float x :
+       {3e38F, -std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
+    Cloud egg = test::bumpy_egg(200);
+    egg.xyz[7] = x;
+    EXPECT_THROW(fpfh({egg.xyz, egg.normal}, Indices{3}, 0.1, 1), InputError) << x;
+    EXPECT_THROW(shot({egg.xyz, egg.normal}, Indices{3}, 0.1, 1), InputError) << x;
+  }
 }
 
 }  // namespace

@@ -179,12 +179,58 @@ TEST_F(Up, NothingIsLostWhenARunInOneProcessPauses) {
 TEST_F(Up, StageMayBeAProgramOfItsOwn) {
   std::string text = slurp(world_.path("graph.yaml"));
   text.replace(text.find("    use: cpc\n"), 13,
-               "    exec: " COSEGRAPH_BINARY_DIR "/bin/cosegraph-cpc\n"
+               "    exec: " COSEGRAPH_BINARY_DIR
+               "/bin/cosegraph-cpc\n"
                "    outputs: {segments: Segments}\n");
   std::ofstream(world_.path("graph.yaml")) << text;
   const Outcome outcome = run(command("queries"));
   EXPECT_EQ(outcome.status, 0) << outcome.errors;
   EXPECT_THAT(outcome.output, HasSubstr("labelled 2"));
+}
+
+TEST_F(Up, NewModelIsTakenOverBetweenTwoFrames) {
+  World::expect_fine({"cosegraph", "train", "--reference", world_.path("reference.off"), "--param",
+                      "source.camera.count=3", "-o", world_.path("new.coseg")});
+  const auto labels_of = [&](const char* model) {
+    const std::string folder = world_.path(std::string("by_") + model);
+    World::expect_fine({"cosegraph", "segment", "--model", world_.path(model),
+                        world_.path("queries/query-view0.ply"), "-o", folder});
+    return slurp(folder + "/query-view0.ply");
+  };
+  const std::string old_labels = labels_of("model.coseg");
+  const std::string new_labels = labels_of("new.coseg");
+  ASSERT_NE(old_labels, new_labels) << "the models cannot be told apart by what they say";
+
+  Program program(command("stream"));
+  wait_until_running(program.pid());
+  const Outcome swap = run({"cosegraph", "swap", "model", "--param",
+                            "file=" + world_.path("new.coseg"), "--graph", name_});
+  EXPECT_EQ(swap.status, 0) << swap.errors << swap.output;
+  expect_all_labelled(program);
+  // Each frame is wholly of one model, and the new one stays.
+  int of_old = 0;
+  for (int i = 0; i < 100; ++i) {
+    const std::string labels = slurp(world_.path("out/q" + std::to_string(i) + ".ply"));
+    if (labels == old_labels && of_old == i)
+      ++of_old;
+    else
+      ASSERT_EQ(labels, new_labels) << "frame " << i;
+  }
+  EXPECT_GT(of_old, 0);
+  EXPECT_LT(of_old, 100);
+}
+
+TEST_F(Up, ModelThatTheStagesDoNotFitIsRefused) {
+  World::expect_fine({"cosegraph", "train", "--reference", world_.path("reference.off"), "--param",
+                      "source.camera.count=3", "--config", "shot+fv", "-o",
+                      world_.path("other.coseg")});
+  Program program(command("stream"));
+  wait_until_running(program.pid());
+  const Outcome swap = run({"cosegraph", "swap", "model", "--param",
+                            "file=" + world_.path("other.coseg"), "--graph", name_});
+  EXPECT_EQ(swap.status, 1) << swap.output;
+  EXPECT_THAT(swap.errors, HasSubstr("do not fit"));
+  expect_all_labelled(program);
 }
 
 // Without multicast: participants of this host find each other by its address.

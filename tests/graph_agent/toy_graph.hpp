@@ -99,7 +99,8 @@ class ToyGraph {
     await([&] { return written() >= count; }, "frames to come out");
   }
   static void await(const std::function<bool()>& condition, const char* what) {
-    for (int i = 0; i < 3000; ++i) {
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    while (std::chrono::steady_clock::now() < limit) {
       if (condition()) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }

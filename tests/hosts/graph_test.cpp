@@ -57,7 +57,13 @@ class HostsTest : public testing::Test {
                        "}}\n  keep: {exec: " + program +
                        "keep, host: two, inputs: {a: numbers/out}, params: {folder: " +
                        graph_->out().string() + "}}\n");
+    if (dds.find("security") != std::string::npos) make_keys();
     start_agents();
+  }
+
+  void make_keys() {
+    const Outcome keys = run({"cosegraph", "keys", "init", graph_->file()});
+    EXPECT_EQ(keys.status, 0) << keys.errors;
   }
 
   void start_agents() {
@@ -67,7 +73,8 @@ class HostsTest : public testing::Test {
   }
 
   nlohmann::json ps(int host) {
-    const Outcome outcome = lab_->host(host).run({"cosegraph", "ps", graph_->file(), "--edges", "--json"});
+    const Outcome outcome =
+        lab_->host(host).run({"cosegraph", "ps", graph_->file(), "--edges", "--json"});
     EXPECT_EQ(outcome.status, 0) << outcome.errors;
     return nlohmann::json::parse(outcome.output, nullptr, false);
   }
@@ -101,6 +108,15 @@ class HostsTest : public testing::Test {
       const Outcome outcome = agent.wait(20s);
       EXPECT_EQ(outcome.status, 0) << outcome.errors;
     }
+  }
+
+  // How many IP fragments a host has received.
+  long fragments(int host) {
+    const std::string text =
+        lab_->host(host)
+            .run({"/bin/sh", "-c", "grep ^Ip: /proc/net/snmp | tail -n 1 | cut -d ' ' -f 15"})
+            .output;
+    return text.empty() ? -1 : std::stol(text);
   }
 
   std::optional<Lab> lab_;
@@ -172,6 +188,16 @@ TEST_F(HostsTest, LargeFramesPassALossyLinkWithDelay) {
   lab_->host(1).shape({.loss = 0.01, .delay = 20ms});
   graph_->await_written(3);
   expect_all_labelled(3, 0);
+  EXPECT_LT(fragments(1), 1000) << "30 MB are 22,000 packets";
+}
+
+// What participants prove themselves by is more than a packet.
+TEST_F(HostsTest, KeysAreProvedOverALossyLinkWithDelay) {
+  make_lab({.hosts = 2});
+  lab_->host(1).shape({.loss = 0.01, .delay = 20ms});
+  start_pair("security: keys", "count: 50, points: 1000");
+  graph_->await_written(50);
+  expect_all_labelled(50, 0);
 }
 
 TEST_F(HostsTest, StageThatKeepsToTheRateLosesNoPacketAtANarrowLink) {

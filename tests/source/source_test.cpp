@@ -143,9 +143,10 @@ TEST(Prepare, LeavesOutPointsThatAreNotFinite) {
   Cloud input = half_sphere(20000, 0.3, 2.0);
   for (std::size_t i = 0; i < input.size(); i += 3) input.xyz[3 * i + 1] = kNan;
   input.xyz[3] = std::numeric_limits<float>::infinity();
+  input.xyz[3 * 4 + 2] = -3e38F;  // sums and squares of such are not
   const Frame frame = prepared(input);
   for (std::size_t i = 0; i < input.size(); ++i)
-    ASSERT_EQ(frame.input.dense_index[i] == kNoPoint, i % 3 == 0 || i == 1) << i;
+    ASSERT_EQ(frame.input.dense_index[i] == kNoPoint, i % 3 == 0 || i == 1 || i == 4) << i;
 }
 
 TEST(Prepare, GivesTheSameBytesEveryTime) {

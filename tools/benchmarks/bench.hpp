@@ -2,6 +2,8 @@
 // ratios against a peer measured in the same run, which are what to quote.
 #pragma once
 
+#include <sys/time.h>
+
 #include <chrono>
 #include <ctime>
 #include <filesystem>
@@ -37,6 +39,8 @@ Spent measure(Work&& work) {
           .cpu = 1e3 * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};
 }
 
+double milliseconds(const timeval& time);
+
 double median(std::vector<double> values);
 
 int bench_frame(int repeats);     // a query frame and a training, stage by stage
@@ -44,6 +48,8 @@ int bench_overhead(int frames);   // what DDS and processes add to direct calls
 int bench_security(int frames);   // what keys and encryption add to a graph
 int bench_learning(int repeats);  // mixtures, Fisher vectors and classifiers against libraries
 int bench_peers(int repeats);     // each stage against the stock PCL class
+int bench_replicas(int frames);   // a slow stage as several processes
+int bench_observers(int frames);  // what looking on costs a running graph
 int bench_soak(int repeats);      // stages swapped and killed while frames flow
 
 }  // namespace cosegraph::bench

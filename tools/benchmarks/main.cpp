@@ -37,6 +37,10 @@ Subject load_subject() {
           .queries = views_of(sample::make(sample::Kind::mug, 2), kQueryViews)};
 }
 
+double milliseconds(const timeval& time) {
+  return 1e3 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_usec);
+}
+
 double median(std::vector<double> values) {
   if (values.empty()) return 0.0;
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -51,20 +55,35 @@ int main(int argc, char** argv) {
   CLI::App app("Benchmarks of cosegraph");
   std::string which = "all";
   int repeats = 5;
-  app.add_option("benchmark", which, "frame, overhead, security, learning, peers, soak or all")
-      ->check(CLI::IsMember({"frame", "overhead", "security", "learning", "peers", "soak", "all"}));
+  // Each with what it is called with per repeat.
+  struct Benchmark {
+    const char* name;
+    int (*run)(int);
+    int per_repeat;
+  };
+  constexpr Benchmark kBenchmarks[] = {
+      {"frame", bench::bench_frame, 1},          {"overhead", bench::bench_overhead, 20},
+      {"security", bench::bench_security, 20},   {"learning", bench::bench_learning, 1},
+      {"peers", bench::bench_peers, 1},          {"replicas", bench::bench_replicas, 20},
+      {"observers", bench::bench_observers, 40}, {"soak", bench::bench_soak, 1},
+  };
+  std::vector<std::string> names;
+  std::string list;
+  for (const auto& benchmark : kBenchmarks) {
+    names.emplace_back(benchmark.name);
+    list += names.back() + ", ";
+  }
+  names.emplace_back("all");
+  app.add_option("benchmark", which, list + "or all")->check(CLI::IsMember(names));
   app.add_option("--repeats", repeats, "measurements of which the median is printed")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
     int status = 0;
-    if (which == "frame" || which == "all") status |= bench::bench_frame(repeats);
-    if (which == "overhead" || which == "all") status |= bench::bench_overhead(20 * repeats);
-    if (which == "security" || which == "all") status |= bench::bench_security(20 * repeats);
-    if (which == "learning" || which == "all") status |= bench::bench_learning(repeats);
-    if (which == "peers" || which == "all") status |= bench::bench_peers(repeats);
-    if (which == "soak" || which == "all") status |= bench::bench_soak(repeats);
+    for (const auto& benchmark : kBenchmarks)
+      if (which == benchmark.name || which == "all")
+        status |= benchmark.run(benchmark.per_repeat * repeats);
     return status;
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';

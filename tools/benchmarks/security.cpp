@@ -34,10 +34,7 @@ void write_graph(const fs::path& file, const std::string& line) {
 double cpu_of_children() {
   rusage usage{};
   ::getrusage(RUSAGE_CHILDREN, &usage);
-  const auto ms = [](const timeval& time) {
-    return 1e3 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_usec);
-  };
-  return ms(usage.ru_utime) + ms(usage.ru_stime);
+  return milliseconds(usage.ru_utime) + milliseconds(usage.ru_stime);
 }
 
 // `how`: "run" or "up". The CPU time is that of all processes.
