@@ -206,6 +206,16 @@ std::vector<Fault> check_keys(const GraphDescription& graph, const Catalog& cata
       }
       for (const auto& message : key_faults(files)) add(message);
       check_document(files.permissions, permissions_text(graph, catalog, identity, {}));
+      // Certificate and permissions travel in one message, beside 2 kB of other things (see
+      // dds.cpp).
+      constexpr std::uintmax_t kMost = 6000;
+      std::uintmax_t size = 0;
+      for (const auto* file : {&files.certificate, &files.permissions})
+        if (fs::exists(*file, ignored)) size += fs::file_size(*file, ignored);
+      if (graph.hosts.size() > 1 && size > kMost)
+        add("certificate and permissions of " + to_text(identity) + " have " +
+            std::to_string(size) + " bytes, more than the " + std::to_string(kMost) +
+            " by which it can prove itself to other hosts; give it fewer inputs, or shorter names");
     }
   }
   std::vector<Fault> faults;

@@ -175,6 +175,20 @@ TEST(KeyCheck, SeesThatTheGraphHasChanged) {
   EXPECT_EQ(faults(world).size(), 5U) << "governance, two stages, observer, agent";
 }
 
+TEST(KeyCheck, RefusesPermissionsThatOtherHostsWouldNotGet) {
+  KeyWorld world;
+  world.graph().hosts = {{.name = "here", .address = "127.0.0.1"},
+                         {.name = "there", .address = "10.0.0.2"}};
+  for (auto& stage : world.graph().stages) stage.host = "here";
+  std::string permissions = io::read_file(world.path("keys/stages/grow/permissions.p7s"));
+  EXPECT_THAT(faults(world), IsEmpty());
+  io::write_file(world.path("keys/stages/grow/permissions.p7s"),
+                 permissions + std::string(4000, '\n'));
+  EXPECT_THAT(faults(world), ElementsAre(testing::HasSubstr("by which it can prove itself")));
+  world.graph().hosts.clear();
+  EXPECT_THAT(faults(world), IsEmpty());
+}
+
 TEST(KeyCheck, AsksOnlyForWhatRunsHere) {
   KeyWorld world;
   world.graph().hosts = {{.name = "here", .address = "127.0.0.1"},

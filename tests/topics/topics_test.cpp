@@ -266,5 +266,23 @@ TEST(Doctor, NamesAFolderThatCannotBeUsedAndAFaultyGraph) {
   EXPECT_THAT(faulty.output, HasSubstr("did you mean 'source'"));
 }
 
+TEST(Doctor, TellsWhatLostPacketsLeaveBehindWhereHostsHaveKeys) {
+  const TemporaryFolder folder;
+  ::setenv("COSEGRAPH_RUNTIME_DIR", (folder / "runs").c_str(), 1);
+  const auto looks_at_it = [&](const std::string& dds) {
+    std::ofstream(folder / "graph.yaml")
+        << "version: 1\ngraph: g\n"
+        << dds
+        << "hosts: {one: {address: 127.0.0.1}, two: {address: 10.9.8.7}}\n"
+           "stages:\n  source: {use: source, host: one, params: {path: x}}\n"
+           "  supervoxels: {use: supervoxels, host: two, inputs: {cloud: source/dense}}\n";
+    const Outcome outcome =
+        run({"cosegraph", "doctor", (folder / "graph.yaml").string(), "--timeout", "1"});
+    return outcome.output.find("net.ipv4.ipfrag_time") != std::string::npos;
+  };
+  EXPECT_TRUE(looks_at_it("dds: {security: keys}\n"));
+  EXPECT_FALSE(looks_at_it(""));
+}
+
 }  // namespace
 }  // namespace cosegraph::test

@@ -185,6 +185,23 @@ void check_buffers(Report& report) {
   }
 }
 
+// What is left of messages that lost a packet; with keys, those between hosts are of several.
+void check_fragments(Report& report, const graph::GraphDescription& graph) {
+  if (graph.dds.security.empty() || graph.hosts.size() < 2) return;
+  constexpr int kLong = 5;  // s
+  int seconds = 0;
+  if (!(std::ifstream("/proc/sys/net/ipv4/ipfrag_time") >> seconds)) return;
+  const std::string text = "what a lost packet leaves of its message is kept for " +
+                           std::to_string(seconds) + " s (net.ipv4.ipfrag_time)";
+  if (seconds <= kLong)
+    report.fine("lost packets", text);
+  else
+    report.note("lost packets",
+                text + "; where packets are lost, the graph stands still once 4 MB are full",
+                "sysctl -w net.ipv4.ipfrag_time=2 net.ipv4.ipfrag_high_thresh=67108864, and the "
+                "same lines in /etc/sysctl.d/cosegraph.conf");
+}
+
 // Sends itself a packet by DDS's multicast address over the interface with this address. Empty if
 // it arrived.
 std::string multicast_fault(const std::string& address) {
@@ -397,6 +414,7 @@ int examine(const Watched& watched) {
   if (known != nullptr) {
     check_graph_file(report, *known);
     check_hosts(report, *known);
+    check_fragments(report, *known);
     check_run(report, *known, watched.patience());
   }
   const auto wrong = std::ranges::count(report.findings(), Health::wrong, &Finding::health);
