@@ -413,9 +413,15 @@ int examine(const Watched& watched) {
   check_clock(report, known);
   if (known != nullptr) {
     check_graph_file(report, *known);
-    check_hosts(report, *known);
     check_fragments(report, *known);
-    check_run(report, *known, watched.patience());
+    try {
+      check_hosts(report, *known);
+      check_run(report, *known, watched.patience());
+    } catch (const Error& error) {
+      const std::string why = error.what();
+      report.wrong("agents", "cannot be asked: " + why.substr(0, why.find('\n')),
+                   "put right what 'cosegraph check' says about the graph file");
+    }
   }
   const auto wrong = std::ranges::count(report.findings(), Health::wrong, &Finding::health);
   if (watched.json) {
