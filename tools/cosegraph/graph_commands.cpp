@@ -111,8 +111,7 @@ int run(RunArguments arguments) {
   return run_and_report(graph, arguments.params, arguments.where, arguments.json).fine() ? 0 : 1;
 }
 
-// -- stages
-// ----------------------------------------------------------------------------------------
+// -- stages ---------------------------------------------------------------------------------------
 
 const char* type_text(FieldType type) {
   switch (type) {

@@ -26,8 +26,7 @@ void make_folder(const fs::path& folder) {
   if (error) throw InputError(folder.string() + ": cannot be made: " + error.message());
 }
 
-// -- view
-// ------------------------------------------------------------------------------------------
+// -- view -----------------------------------------------------------------------------------------
 
 struct ViewArguments {
   std::string mesh;
@@ -54,8 +53,7 @@ int view(const ViewArguments& arguments) {
   return 0;
 }
 
-// -- train
-// -----------------------------------------------------------------------------------------
+// -- train ----------------------------------------------------------------------------------------
 
 struct TrainArguments {
   std::string reference;
@@ -94,8 +92,7 @@ int train(const TrainArguments& arguments) {
   return report.fine() ? 0 : 1;
 }
 
-// -- segment
-// ---------------------------------------------------------------------------------------
+// -- segment --------------------------------------------------------------------------------------
 
 struct SegmentArguments {
   std::string model;
