@@ -5,6 +5,7 @@
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/log/Log.hpp>
+#include <fastdds/dds/log/StdoutErrConsumer.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
@@ -253,7 +254,12 @@ struct Participant::Impl {
   void join(int domain, const dds::DomainParticipantQos& qos, const std::string& partition,
             dds::DomainParticipantListener* listener) {
     static std::once_flag quiet;
-    std::call_once(quiet, [] { dds::Log::SetVerbosity(dds::Log::Error); });
+    std::call_once(quiet, [] {
+      dds::Log::SetVerbosity(dds::Log::Error);
+      // Of itself Fast DDS writes errors among what a command prints.
+      dds::Log::ClearConsumers();
+      dds::Log::RegisterConsumer(std::make_unique<dds::StdoutErrConsumer>());
+    });
     const std::string name = qos.name().c_str();
     participant = dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<std::uint32_t>(domain), qos, listener, dds::StatusMask::none());

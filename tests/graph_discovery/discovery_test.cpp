@@ -8,12 +8,14 @@
 #include <atomic>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/log/Log.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 #include <thread>
 
+#include "graph/dds.hpp"
 #include "graph/runs.hpp"
 
 namespace cosegraph::graph {
@@ -173,6 +175,20 @@ TEST(DomainWatch, TellsEveryPolicyOfAStranger) {
   EXPECT_EQ(domain.peers.at(writer.participant).name, "stranger");
   stranger->delete_contained_entities();
   factory->delete_participant(stranger);
+}
+
+// What commands print is for programs as well.
+TEST(Participants, ErrorsOfFastDdsAreNotAmongWhatIsPrinted) {
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  {
+    const GraphDescription graph = small_graph();
+    const Participant participant(graph, "somebody");
+    EPROSIMA_LOG_ERROR(TEST, "a handshake failed");
+    eprosima::fastdds::dds::Log::Flush();
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::HasSubstr("a handshake failed"));
 }
 
 }  // namespace

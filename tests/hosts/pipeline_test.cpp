@@ -26,14 +26,14 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
     if (const std::string reason = Lab::unavailable(); !reason.empty()) GTEST_SKIP() << reason;
-    ::setenv("COSEGRAPH_RUNTIME_DIR", world_->path("runtime").c_str(), 1);
+    ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runtime").c_str(), 1);
     lab_.emplace(LabOptions{.hosts = 3, .subnets = 2, .multicast = false});
-    World::expect_fine({"cosegraph", "segment", "--model", world_->path("model.coseg"),
-                        world_->path("queries"), "-o", world_->path("expected")});
-    fs::create_directories(world_->path("stream"));
+    World::expect_fine({"cosegraph", "segment", "--model", world_.path("model.coseg"),
+                        world_.path("queries"), "-o", world_.path("expected")});
+    fs::create_directories(world_.path("stream"));
     for (int i = 0; i < kFrames; ++i)
-      fs::create_symlink(world_->path("queries/" + query_of(i)),
-                         world_->path("stream/q" + std::to_string(i) + ".ply"));
+      fs::create_symlink(world_.path("queries/" + query_of(i)),
+                         world_.path("stream/q" + std::to_string(i) + ".ply"));
   }
   void TearDown() override { ::unsetenv("COSEGRAPH_RUNTIME_DIR"); }
 
@@ -62,8 +62,8 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
         {"svm", "three"}, {"astar", "three"}};
     for (const auto& [stage, host] : host_of)
       replace(text, "\n  " + stage + ":\n", "\n  " + stage + ":\n    host: " + host + "\n");
-    replace(text, "file: model.coseg", "file: " + world_->path("model.coseg"));
-    replace(text, "path: [queries]", "path: [" + world_->path("stream") + "]");
+    replace(text, "file: model.coseg", "file: " + world_.path("model.coseg"));
+    replace(text, "path: [queries]", "path: [" + world_.path("stream") + "]");
     replace(text, "folder: out", "folder: " + out());
     io::write_file(file(), text);
     if (secure) World::expect_fine({"cosegraph", "keys", "init", file()});
@@ -79,8 +79,8 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
     text.replace(at, old.size(), by);
   }
 
-  std::string file() const { return world_->path("graph.yaml"); }
-  std::string out() const { return world_->path("out"); }
+  std::string file() const { return world_.path("graph.yaml"); }
+  std::string out() const { return world_.path("out"); }
 
   bool await_written(int frame) const {
     const std::string name = out() + "/q" + std::to_string(frame) + ".ply";
@@ -104,7 +104,7 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
   void expect_labels_of_one_host() {
     for (int i = 0; i < kFrames; ++i) {
       if (!await_written(i)) return;
-      const std::string expected = slurp(world_->path("expected/" + query_of(i)));
+      const std::string expected = slurp(world_.path("expected/" + query_of(i)));
       ASSERT_FALSE(expected.empty());
       EXPECT_EQ(slurp(out() + "/q" + std::to_string(i) + ".ply"), expected) << i;
     }
@@ -118,7 +118,7 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
   }
 
   const std::string name_ = "pipeline" + std::to_string(::getpid());
-  std::optional<World> world_ = std::optional<World>(std::in_place);
+  World world_;
   std::optional<Lab> lab_;
   std::vector<Child> agents_;
   Clock::time_point started_;
