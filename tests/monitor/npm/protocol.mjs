@@ -50,11 +50,13 @@ client.on("advertise", (channels) => {
 client.on("message", ({ subscriptionId, timestamp, data }) => {
   const { topic, reader } = subscriptions.get(subscriptionId);
   seen.messages[topic] = (seen.messages[topic] ?? 0) + 1;
-  seen.values[topic] ??= {
-    timestamp: String(timestamp),
-    value: brief(reader === null ? JSON.parse(new TextDecoder().decode(data))
-      : reader.readMessage(data)),
-  };
+  // Of a graph's state the newest; it may not be heard yet at first.
+  if (reader === null || seen.values[topic] === undefined)
+    seen.values[topic] = {
+      timestamp: String(timestamp),
+      value: brief(reader === null ? JSON.parse(new TextDecoder().decode(data))
+        : reader.readMessage(data)),
+    };
   if (seen.graph === undefined || seen.refusal === undefined ||
        topics.some((one) => !((seen.messages[one] ?? 0) >= 2))) return;
   seen.protocol = socket.protocol;
