@@ -35,8 +35,7 @@ float with_slack(float squared_distance) {
 }
 
 bool is_usable(const float* point) {
-  return std::all_of(point, point + 3,
-                     [](float x) { return std::abs(x) <= NearestNeighbours::kFarthest; });
+  return std::all_of(point, point + 3, NearestNeighbours::takes);
 }
 
 void check_query(const float* query) {

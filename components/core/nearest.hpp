@@ -3,6 +3,7 @@
 // Results are ordered by distance, ties by index, so they do not depend on the tree.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -20,6 +21,7 @@ class NearestNeighbours {
   // Numbers, of points and of queries, lie within +-kFarthest: their squared distances are finite.
   // InputError is thrown for others, NaN among them.
   static constexpr float kFarthest = 1e18F;
+  static bool takes(float x) { return std::abs(x) <= kFarthest; }
 
   // `xyz` holds 3N numbers; it is copied. N may be 0: every query is then empty.
   explicit NearestNeighbours(std::span<const float> xyz);

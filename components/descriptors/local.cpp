@@ -7,7 +7,6 @@
 #include <pcl/search/kdtree.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "core/error.hpp"
@@ -22,9 +21,8 @@ using Normals = pcl::PointCloud<pcl::Normal>;
 
 // Throws InputError for numbers that are not finite, or so large that FLANN's sums of them are not.
 Points::Ptr points_of(std::span<const float> xyz) {
-  for (const float x : xyz)
-    if (!(std::abs(x) <= NearestNeighbours::kFarthest))
-      throw InputError("a point is not finite, or too far out");
+  if (!std::ranges::all_of(xyz, NearestNeighbours::takes))
+    throw InputError("a point is not finite, or too far out");
   Points::Ptr points(new Points);
   points->reserve(xyz.size() / 3);
   for (std::size_t i = 0; i < xyz.size(); i += 3)

@@ -26,10 +26,9 @@ void require_enough(std::size_t count, const std::string& what) {
 
 // Points so far out that nothing could be computed with them count as not finite.
 Indices finite_indices(const Cloud& cloud) {
-  const auto usable = [](float x) { return std::abs(x) <= NearestNeighbours::kFarthest; };
   Indices finite;
   for (std::size_t i = 0; i < cloud.size(); ++i)
-    if (std::all_of(&cloud.xyz[3 * i], &cloud.xyz[3 * i] + 3, usable))
+    if (std::all_of(&cloud.xyz[3 * i], &cloud.xyz[3 * i] + 3, NearestNeighbours::takes))
       finite.push_back(static_cast<std::int32_t>(i));
   return finite;
 }

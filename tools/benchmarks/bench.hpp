@@ -41,6 +41,9 @@ Spent measure(Work&& work) {
 
 double milliseconds(const timeval& time);
 
+// The `cosegraph` of the same build.
+std::string program();
+
 double median(std::vector<double> values);
 
 int bench_frame(int repeats);     // a query frame and a training, stage by stage

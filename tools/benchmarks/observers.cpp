@@ -50,7 +50,7 @@ class Observers {
   nlohmann::json recorded() const {
     const fs::path answer = folder_ / "info.json";
     const std::string command =
-        program("cosegraph") + " info " + recording().string() + " --json > " + answer.string();
+        program() + " info " + recording().string() + " --json > " + answer.string();
     if (std::system(command.c_str()) != 0) return {};
     return nlohmann::json::parse(io::read_file(answer), nullptr, false);
   }
@@ -58,7 +58,7 @@ class Observers {
 
  private:
   void start(const std::string& name, std::vector<std::string> words) {
-    words.insert(words.begin(), program("cosegraph"));
+    words.insert(words.begin(), program());
     const std::string files = "observer" + std::to_string(pids_.size());
     pids_.emplace_back(name, start_program(std::move(words), folder_ / (files + ".out"),
                                            folder_ / (files + ".err")));
@@ -86,8 +86,7 @@ Run run(const Subject& subject, int frames, double pace, bool observed) {
   if (observed) observers.emplace(graph);
   graph.await_end();
   Run result;
-  const auto outputs = graph.outputs();
-  result.rate = rate(outputs, outputs.size() / 10, outputs.size() * 9 / 10);
+  result.rate = graph.rate();
   result.whole = graph.account()["labelled"] == frames;
   if (!observers) return result;
   for (const auto& [name, time] : observers->end()) result.spent[name] = time / frames;

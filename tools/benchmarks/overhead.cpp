@@ -34,8 +34,7 @@ void direct(const fs::path& file, const Model& model, const pipeline::Config& co
 // Wall milliseconds of `cosegraph segment` on a folder of queries.
 double through_graph(const fs::path& model, const fs::path& queries, const fs::path& out,
                      const std::string& options) {
-  const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "cosegraph";
-  const std::string command = program.string() + " segment --model " + model.string() + " " +
+  const std::string command = program() + " segment --model " + model.string() + " " +
                               queries.string() + " -o " + out.string() +
                               " --param descriptors.threads=1 " + options + " > /dev/null";
   int status = 0;

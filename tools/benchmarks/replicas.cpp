@@ -47,9 +47,8 @@ int bench_replicas(int frames) {
                                          stage.replicas = {{.host = "", .count = replicas}};
                                    }});
       graph.await_end();
-      const auto outputs = graph.outputs();
       if (graph.account()["labelled"] != frames) return 1;
-      rates[replicas].push_back(rate(outputs, outputs.size() / 10, outputs.size() * 9 / 10));
+      rates[replicas].push_back(graph.rate());
     }
   const double one = median(rates[1]);
   for (const auto& [replicas, found] : rates)

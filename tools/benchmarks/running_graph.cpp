@@ -27,10 +27,6 @@ bool is_output(const fs::path& file) {
 
 }  // namespace
 
-std::string program(const std::string& name) {
-  return (fs::read_symlink("/proc/self/exe").parent_path() / name).string();
-}
-
 pid_t start_program(std::vector<std::string> words, const fs::path& output,
                     const fs::path& errors) {
   std::vector<char*> arguments;
@@ -76,7 +72,7 @@ RunningGraph::RunningGraph(const Subject& subject, const Options& options) {
     graph::set_param(graph, "descriptors", field.name, field.get());
   options.change(graph);
   io::write_file(file(), graph::to_yaml(graph));
-  pid_ = start_program({program("cosegraph"), "up", file().string(), "--json"}, folder / "up.json",
+  pid_ = start_program({program(), "up", file().string(), "--json"}, folder / "up.json",
                        folder / "up.log");
 }
 
@@ -139,8 +135,8 @@ bool RunningGraph::kill_stage(const std::string& stage) const {
 
 nlohmann::json RunningGraph::swap(const std::string& stage) const {
   const fs::path report = folder_.path() / "swap.json";
-  const std::string command = program("cosegraph") + " swap " + stage + " --json > " +
-                              report.string() + " 2> " + (folder_.path() / "swap.log").string();
+  const std::string command = program() + " swap " + stage + " --json > " + report.string() +
+                              " 2> " + (folder_.path() / "swap.log").string();
   if (std::system(command.c_str()) != 0) return {};
   return nlohmann::json::parse(io::read_file(report), nullptr, false);
 }
@@ -153,8 +149,10 @@ nlohmann::json RunningGraph::account() const {
   return report["account"];
 }
 
-double rate(const std::vector<RunningGraph::Clock::time_point>& outputs, std::size_t first,
-            std::size_t last) {
+double RunningGraph::rate() const {
+  const auto outputs = this->outputs();
+  const std::size_t first = outputs.size() / 10;
+  const std::size_t last = outputs.size() * 9 / 10;
   return static_cast<double>(last - first) /
          std::chrono::duration<double>(outputs.at(last) - outputs.at(first)).count();
 }

@@ -48,6 +48,8 @@ class RunningGraph {
   int written() const;
   // When each frame has come out, in order.
   std::vector<Clock::time_point> outputs() const;
+  // Frames per second between the first tenth of the outputs and the last.
+  double rate() const;
   // Resident memory of all stages, bytes.
   std::uint64_t memory() const;
 
@@ -65,13 +67,6 @@ class RunningGraph {
   const io::TemporaryFolder folder_;
   pid_t pid_ = -1;
 };
-
-// Of the outputs from the first to the last: frames per second.
-double rate(const std::vector<RunningGraph::Clock::time_point>& outputs, std::size_t first,
-            std::size_t last);
-
-// The program `name` of the same build.
-std::string program(const std::string& name);
 
 // Starts a program with its output and errors in files; its pid. Throws Error if it cannot.
 pid_t start_program(std::vector<std::string> words, const std::filesystem::path& output,

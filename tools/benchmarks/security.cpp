@@ -17,8 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 void run(const std::string& arguments) {
-  const fs::path program = fs::read_symlink("/proc/self/exe").parent_path() / "cosegraph";
-  const std::string command = program.string() + " " + arguments + " > /dev/null";
+  const std::string command = program() + " " + arguments + " > /dev/null";
   if (std::system(command.c_str()) != 0) throw std::runtime_error("failed: " + command);
 }
 
