@@ -38,11 +38,11 @@ TEST(Runs, AreTheSetTheyWereMadeFrom) {
   }
 }
 
-// source/a and source/b, work/c made of a; a model; the control topics.
+// source/a and source/b, grow/c made of a; a model; the control topics.
 const std::vector<Topic> kTopics{
     {.name = "g/source/a", .type = "Cloud", .stage = "source", .upstream = {"source"}},
     {.name = "g/source/b", .type = "Cloud", .stage = "source", .upstream = {"source"}},
-    {.name = "g/work/c", .type = "Scores", .stage = "work", .upstream = {"source", "work"}},
+    {.name = "g/grow/c", .type = "Scores", .stage = "grow", .upstream = {"source", "grow"}},
     {.name = "g/model/m",
      .type = "RelationModel",
      .stage = "model",
@@ -104,7 +104,7 @@ TEST_F(CompletenessTest, FramesThatFailedBeforeAreNotMissing) {
   add_all(0, 3);
   add(kA, 4);
   add(kB, 4);
-  fail("work", 4);
+  fail("grow", 4);
   fail("source", 5);
   add_all(6, 6);
   add(kEnd, 7);
@@ -117,7 +117,7 @@ TEST_F(CompletenessTest, FramesThatFailedBeforeAreNotMissing) {
 TEST_F(CompletenessTest, FailuresDownstreamExcuseNothing) {
   add_all(0, 3);
   add(kC, 4);
-  fail("work", 4);
+  fail("grow", 4);
   add_all(5, 5);
   EXPECT_THAT(missing(kA), ElementsAre(Range{5, 4, 4}));
 }
