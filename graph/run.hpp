@@ -28,9 +28,10 @@ struct RunReport {
   std::map<std::string, Observed> stages;
   std::vector<ObservedFailure> failures;
   bool interrupted = false;
-  std::string error;  // why the graph could not go on; empty if its stream was worked off
+  bool endless = false;  // its stream has no end of its own: to be interrupted is how it ends
+  std::string error;     // why the graph could not go on; empty if its stream was worked off
 
-  bool fine() const { return error.empty() && !interrupted && account.failed == 0; }
+  bool fine() const { return error.empty() && (!interrupted || endless) && account.failed == 0; }
 };
 
 // Throws Error if a stage refuses to start.

@@ -144,6 +144,8 @@ class SourceStage : public Stage {
   virtual bool ready(std::chrono::milliseconds /*patience*/) { return true; }
   // Frames that have made way for newer ones since this was last asked; they count as dropped.
   virtual std::uint64_t missed() { return 0; }
+  // Whether the stream goes on until somebody stops the graph. Asked for when parameters are set.
+  virtual bool endless() const { return false; }
 };
 
 enum class Need { required, optional };

@@ -48,6 +48,7 @@ class TopicInput {
     if (frames > 0) subscription_->clear();
   }
 
+  bool is_endless() const { return is_wanted() && most_ == 0 && idle_ == 0.0; }
   bool is_over() const {
     const auto silence = std::chrono::duration<double>(Clock::now() - newest_);
     return (most_ > 0 && taken_ >= static_cast<std::uint64_t>(most_)) ||
@@ -145,6 +146,7 @@ class SourceStage final : public graph::SourceStage {
   }
 
   bool live() const override { return topic_.is_wanted(); }
+  bool endless() const override { return topic_.is_endless(); }
   bool ready(std::chrono::milliseconds patience) override {
     if (topic_.ready(patience)) return true;
     report(topic_.waiting_for());

@@ -121,6 +121,20 @@ TEST_F(Up, InterruptLeavesNoProcessAndNoSharedMemory) {
   EXPECT_THAT(left, IsEmpty());
 }
 
+TEST_F(Up, InterruptIsHowALiveStreamEnds) {
+  std::vector<std::string> words = command("stream");
+  for (auto& word : words)
+    if (word.starts_with("source.path=")) word = "source.ros2.topic=/nobody/" + name_;
+  Program program(words);
+  for (int i = 0; i < 300 && children(program.pid()).size() < 10; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  ::kill(program.pid(), SIGINT);
+  const Outcome outcome = program.wait();
+  EXPECT_EQ(outcome.status, 0) << outcome.errors;
+  EXPECT_THAT(outcome.errors, Not(HasSubstr("stopped before")));
+  EXPECT_THAT(outcome.output, HasSubstr("admitted 0 = labelled 0"));
+}
+
 TEST_F(Up, StagesDieWithAParentThatIsKilled) {
   Program program(command("stream"));
   const std::vector<pid_t> pids = wait_until_running(program.pid());

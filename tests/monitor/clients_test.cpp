@@ -26,6 +26,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Key;
 using testing::SizeIs;
+using testing::StartsWith;
 using testing::UnorderedElementsAre;
 
 fs::path program(const std::string& name) {
@@ -52,7 +53,7 @@ class Clients : public testing::Test {
       GTEST_SKIP() << "node and npm are not installed (tools/setup installs them)";
     fs::create_directories(clients_);
     for (const auto name : {"package.json", "package-lock.json", "protocol.mjs", "browser.mjs",
-                            "page.mjs", "swap.mjs"})
+                            "page.mjs", "recording.mjs", "swap.mjs"})
       fs::copy_file(fs::path(COSEGRAPH_SOURCE_DIR) / "tests/monitor/npm" / name, clients_ / name,
                     fs::copy_options::overwrite_existing);
     const std::string lock = test::slurp(clients_ / "package-lock.json");
@@ -263,7 +264,8 @@ TEST_F(Clients, APersonSeesARecording) {
   ::setenv("COSEGRAPH_RUNTIME_DIR", world_.path("runs").c_str(), 1);
   test::Program recorder(
       {"cosegraph", "record", "segment", "-o", world_.path("run.mcap"), "--wait"});
-  start_graph(4, "2");
+  constexpr int kFrames = 100;  // of which the page has not even half at a time
+  start_graph(kFrames, "0");
   const test::Outcome recorded = recorder.wait();
   ASSERT_EQ(recorded.status, 0) << recorded.errors;
   const std::string address = start_monitor({world_.path("run.mcap")});
@@ -275,6 +277,20 @@ TEST_F(Clients, APersonSeesARecording) {
   EXPECT_EQ(seen["stages"], 10);
   EXPECT_EQ(seen["topics"]["segment/spectra/spectrum"]["charts"], 3);
   EXPECT_GT(seen["topics"]["segment/astar/labelling"]["drawn"], 0.03);
+
+  const json gone = node({"recording.mjs", browser().string(), "http://" + address, pictures(),
+                          "light", "segment/astar/labelling"});
+  ASSERT_TRUE(gone.is_object());
+  EXPECT_THAT(gone["errors"], IsEmpty());
+  const json& places = gone["places"];
+  EXPECT_EQ(places["first"]["name"], "frame0 · 1 of 100, 0.0 s");
+  EXPECT_EQ(places["last"]["number"], kFrames - 1);
+  EXPECT_THAT(places["last"]["name"].get<std::string>(), StartsWith("frame99 · 100 of 100, "));
+  EXPECT_EQ(places["before"]["number"], kFrames - 2);
+  EXPECT_EQ(places["middle"]["number"], 49);
+  EXPECT_THAT(places["middle"]["name"].get<std::string>(), HasSubstr("50 of 100, "));
+  EXPECT_EQ(places["again"], places["first"]);
+  EXPECT_GE(places["played"]["number"], 3);
 }
 
 TEST_F(Clients, APersonSeesFilesWithoutAGraph) {

@@ -36,7 +36,7 @@ class Files : public testing::Test {
   }
   static std::vector<Message> messages(Feed& feed, const std::string& topic) {
     for (std::size_t i = 0; i < feed.channels().size(); ++i)
-      if (feed.channels()[i].topic == topic) return feed.subscribe(i);
+      if (feed.channels()[i].topic == topic) return feed.subscribe(i, {});
     return {};
   }
 
@@ -68,7 +68,23 @@ TEST_F(Files, LabelsWithConfidenceAreALabelling) {
   const auto state = messages(feed, "file/monitor");
   ASSERT_THAT(state, SizeIs(1));
   EXPECT_EQ(json::parse(*state[0].payload)["state"], "file");
-  EXPECT_EQ(json::parse(*state[0].payload)["frames"], (json{"a", "b"}));
+  const json frames = json::parse(*state[0].payload)["frames"];
+  ASSERT_THAT(frames, SizeIs(2));
+  EXPECT_EQ(frames[0]["name"], "a");
+  EXPECT_EQ(frames[1]["name"], "b");
+  EXPECT_EQ(frames[1]["sequence"], 1);
+}
+
+TEST_F(Files, ManyAreHandedOutInParts) {
+  std::vector<std::string> files;
+  for (std::size_t i = 0; i <= FrameIndex::kPartFrames; ++i)
+    files.push_back(write_cloud(std::to_string(100 + i) + ".ply", false));
+  FileFeed feed(files);
+  ASSERT_EQ(feed.parts(), 2U);
+  EXPECT_THAT(feed.subscribe(0, 0), SizeIs(FrameIndex::kPartFrames));
+  ASSERT_THAT(feed.subscribe(0, 1), SizeIs(1));
+  EXPECT_EQ(idl::decode_header(*feed.subscribe(0, 1)[0].payload).name, "140");
+  EXPECT_THAT(feed.subscribe(2, 1), SizeIs(1));  // the state belongs to no frame
 }
 
 TEST_F(Files, BadOnesAreNamed) {

@@ -29,13 +29,15 @@ TEST(Subprotocol, OthersAreNot) {
 
 TEST(ClientMessage, Subscribe) {
   const auto message = parse_client_message(
-      R"({"op":"subscribe","subscriptions":[{"id":0,"channelId":3},{"id":4294967295,"channelId":5}]})");
+      R"({"op":"subscribe","subscriptions":[{"id":0,"channelId":3},{"id":4294967295,"channelId":5,"part":2}]})");
   const auto& subscriptions = std::get<Subscribe>(message).subscriptions;
   ASSERT_EQ(subscriptions.size(), 2U);
   EXPECT_EQ(subscriptions[0].id, 0U);
   EXPECT_EQ(subscriptions[0].channel, 3U);
   EXPECT_EQ(subscriptions[1].id, 4294967295U);
   EXPECT_EQ(subscriptions[1].channel, 5U);
+  EXPECT_EQ(subscriptions[0].part, std::nullopt);
+  EXPECT_EQ(subscriptions[1].part, 2U);
 }
 
 TEST(ClientMessage, Unsubscribe) {
@@ -61,6 +63,7 @@ TEST(ClientMessage, HostileOnesAreRefused) {
         R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":1.5}]})",
         R"({"op":"subscribe","subscriptions":[{"id":4294967296,"channelId":1}]})",
         R"({"op":"subscribe","subscriptions":[{"id":"1","channelId":1}]})",
+        R"({"op":"subscribe","subscriptions":[{"id":1,"channelId":1,"part":-1}]})",
         R"({"op":"unsubscribe","subscriptionIds":[null]})", R"({"op":"getParameters"})",
         R"({"op":"advertise","channels":[]})"})
     EXPECT_THROW(parse_client_message(text), InputError) << text;

@@ -58,9 +58,10 @@ class RecordingFeedTest : public testing::Test {
     recording_.close("asked to", std::vector<std::uint64_t>(kTopics.size()));
   }
 
-  static std::vector<Message> messages(Feed& feed, const std::string& topic) {
+  static std::vector<Message> messages(Feed& feed, const std::string& topic,
+                                       std::optional<std::size_t> part = {}) {
     for (std::size_t i = 0; i < feed.channels().size(); ++i)
-      if (feed.channels()[i].topic == topic) return feed.subscribe(i);
+      if (feed.channels()[i].topic == topic) return feed.subscribe(i, part);
     ADD_FAILURE() << topic;
     return {};
   }
@@ -92,13 +93,39 @@ TEST_F(RecordingFeedTest, HasItsTopicsFramesAndGraph) {
   EXPECT_EQ(all["failures"][0]["reason"], "too flat");
 }
 
-TEST_F(RecordingFeedTest, LongOnesAreShownInParts) {
+TEST_F(RecordingFeedTest, AnyPartOfALongOneCanBeHad) {
+  constexpr std::uint64_t kCount = 2 * FrameIndex::kPartFrames + 30;
+  write_frames(kCount);
+  RecordingFeed feed(folder_ / "run.mcap");
+  const json all = state(feed);
+  ASSERT_THAT(all["frames"], SizeIs(kCount));
+  EXPECT_EQ(all["frames"][109], (json{{"epoch", "3"},
+                                      {"sequence", 109},
+                                      {"name", "f109"},
+                                      {"time", 0}}));  // ms of the recording's time
+  EXPECT_EQ(all["parts"], (json{0, 40, 80}));
+  EXPECT_EQ(all["first"], 0);
+  ASSERT_EQ(feed.parts(), 3U);
+  // In any order, all topics of it, and each frame once.
+  std::vector<std::string> names(kCount);
+  for (const std::size_t part : {2, 0, 1})
+    for (const std::string topic : {"g/cpc/segments", "g/source/out", "g/cpc/segments/points"}) {
+      const auto got = messages(feed, topic, part);
+      ASSERT_THAT(got, SizeIs(part == 2 ? 30 : 40)) << topic;
+      if (topic.ends_with("points")) continue;
+      for (std::size_t i = 0; i < got.size(); ++i)
+        EXPECT_EQ(name_of(got[i]), "f" + std::to_string(40 * part + i)) << topic;
+    }
+  EXPECT_THAT(messages(feed, "g/cpc/model", 2), SizeIs(1));
+}
+
+TEST_F(RecordingFeedTest, WhoAsksForNoPartGetsTheFramesFromTheFirst) {
   constexpr std::uint64_t kCount = RecordingFeed::kMaxFrames + 30;
   write_frames(kCount);
   RecordingFeed beginning(folder_ / "run.mcap");
   EXPECT_THAT(messages(beginning, "g/cpc/segments"), SizeIs(RecordingFeed::kMaxFrames));
-  EXPECT_THAT(state(beginning)["note"].get<std::string>(), HasSubstr("Frames 0 to 119 of 150"));
   RecordingFeed end(folder_ / "run.mcap", kCount - 2);
+  EXPECT_EQ(state(end)["first"], kCount - 2);
   const auto clouds = messages(end, "g/source/out");
   ASSERT_THAT(clouds, SizeIs(2));
   EXPECT_EQ(name_of(clouds[0]), "f148");

@@ -38,11 +38,13 @@ class FakeFeed final : public Feed {
     deliver_ = std::move(deliver);
     opened = true;
   }
-  std::vector<Message> subscribe(std::size_t channel) override {
+  std::vector<Message> subscribe(std::size_t channel, std::optional<std::size_t> part) override {
     ++subscribed[channel];
-    return {{.time = 5, .payload = std::make_shared<const idl::Bytes>(idl::Bytes{1, 2, 3})}};
+    const auto third = static_cast<std::uint8_t>(part.value_or(3));
+    return {{.time = 5, .payload = std::make_shared<const idl::Bytes>(idl::Bytes{1, 2, third})}};
   }
   void unsubscribe(std::size_t channel) override { --subscribed[channel]; }
+  std::size_t parts() const override { return 2; }
 
   void give(std::size_t channel, std::size_t size) const {
     deliver_(channel, {.time = 6, .payload = std::make_shared<const idl::Bytes>(size)});
@@ -254,6 +256,9 @@ TEST_F(ServerTest, MisuseIsAnsweredAndSurvived) {
       {"subscriptions", {{{"id", 1}, {"channelId", 1}}, {{"id", 1}, {"channelId", 1}}}}};
   client.say(twice);
   EXPECT_THAT(client.hear("status")["message"], HasSubstr("in use"));
+  client.say(
+      {{"op", "subscribe"}, {"subscriptions", {{{"id", 2}, {"channelId", 1}, {"part", 2}}}}});
+  EXPECT_THAT(client.hear("status")["message"], HasSubstr("no part 2"));
 }
 
 TEST_F(ServerTest, HugeMessagesEndTheConnection) {

@@ -237,6 +237,7 @@ TEST(Ros2Source, GivesTheCloudsOfATopic) {
   const auto stage = source_of_topic(host, {{"ros2.frames", "2"}, {"ros2.depth", "5"}});
   auto& source = dynamic_cast<SourceStage&>(*stage);
   EXPECT_TRUE(source.live());
+  EXPECT_FALSE(source.endless());
   source.skip(0);
   CyclonePublisher publisher(bowl(), {.width = 30, .big = true}, 3);
   EXPECT_EQ(next(source), "1.000000500");
@@ -255,6 +256,7 @@ TEST(Ros2Source, ACloudThatCannotBeUsedFailsItsFrame) {
   Host host;
   const auto stage = source_of_topic(host, {{"ros2.depth", "5"}});
   auto& source = dynamic_cast<SourceStage&>(*stage);
+  EXPECT_TRUE(source.endless());
   source.skip(0);
   CyclonePublisher publisher(bowl(), {.fields = "x:7:0,y:7:4,depth:7:8"});
   ASSERT_TRUE(next(source));
@@ -271,6 +273,7 @@ TEST(Ros2Source, EndsWhenNothingComes) {
   Host host;
   const auto stage = source_of_topic(host, {{"ros2.idle", "0.1"}});
   auto& source = dynamic_cast<SourceStage&>(*stage);
+  EXPECT_FALSE(source.endless());
   source.skip(0);
   EXPECT_EQ(next(source), std::nullopt);
 }

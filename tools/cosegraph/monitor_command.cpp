@@ -151,7 +151,8 @@ void add_monitor_command(CLI::App& app, const Choose& choose) {
       ->capture_default_str();
   command->add_option("--token", arguments->server.access.token,
                       "word that clients must know, as .../?token=WORD");
-  command->add_option("--from", arguments->from, "first frame of a recording, counted from 0");
+  command->add_option("--from", arguments->from,
+                      "frame of a recording to show first, counted from 0");
   command->add_flag("--spectrum", arguments->spectrum,
                     "compute the spectra of clouds, as the model beside them was trained with");
   command->add_flag("--read-only", arguments->read_only, "offer no swaps of stages");

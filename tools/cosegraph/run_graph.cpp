@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "graph/control.hpp"
+#include "graph/runtime.hpp"
 #include "tools/account_json.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
@@ -59,7 +60,7 @@ class ProgressLine {
 void print_failures(const graph::RunReport& report) {
   for (const auto& failure : report.failures)
     std::cerr << failure.frame << " failed at " << failure.stage << ": " << failure.reason << '\n';
-  if (report.interrupted) std::cerr << "stopped before the end\n";
+  if (report.interrupted && !report.endless) std::cerr << "stopped before the end\n";
   if (!report.error.empty()) std::cerr << report.error << '\n';
 }
 
@@ -95,6 +96,17 @@ nlohmann::ordered_json to_json(const graph::RunReport& report,
           {"failures", std::move(failures)}};
 }
 
+// Whether the graph's source goes on until it is stopped, as far as that can be known here.
+bool is_endless(const graph::GraphDescription& graph) {
+  return std::ranges::any_of(graph.stages, [&](const graph::StageNode& node) {
+    if (!stage_table().contains(node.use)) return false;
+    const auto stage = stage_table().at(node.use)();
+    graph::apply_params(graph, node, *stage);
+    const auto* source = dynamic_cast<const graph::SourceStage*>(stage.get());
+    return source != nullptr && source->endless();
+  });
+}
+
 }  // namespace
 
 fs::path executable_folder() {
@@ -106,14 +118,18 @@ graph::RunReport run_graph(const graph::GraphDescription& graph, const Where& wh
   ProgressLine progress;
   graph::RunOptions options{.on_update = [&](const auto& stages) { progress.update(stages); },
                             .stop = &signals.asked()};
-  if (where.one_process) return graph::run_in_process(graph, stage_table(), options);
-  return graph::run_processes(graph, graph::catalog_of(stage_table()), options,
-                              {.host = where.host,
-                               .executables = executable_folder(),
-                               .allow_exec = where.allow_exec,
-                               .on_output = [](const std::string& stage, const std::string& line) {
-                                 std::cerr << "[" << stage << "] " << line << '\n';
-                               }});
+  const auto print = [](const std::string& stage, const std::string& line) {
+    std::cerr << "[" << stage << "] " << line << '\n';
+  };
+  graph::RunReport report =
+      where.one_process ? graph::run_in_process(graph, stage_table(), options)
+                        : graph::run_processes(graph, graph::catalog_of(stage_table()), options,
+                                               {.host = where.host,
+                                                .executables = executable_folder(),
+                                                .allow_exec = where.allow_exec,
+                                                .on_output = print});
+  report.endless = is_endless(graph);
+  return report;
 }
 
 void print_report(const graph::RunReport& report, const graph::GraphDescription& graph, bool json) {

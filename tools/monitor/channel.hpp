@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -64,10 +65,14 @@ class Feed {
   // Before anything else; `deliver` outlives the feed.
   virtual void open(Deliver deliver) = 0;
   // Somebody wants the channel's messages, for the first time or again. What a late reader needs is
-  // returned: messages that are not going to be repeated.
-  virtual std::vector<Message> subscribe(std::size_t channel) = 0;
+  // returned: messages that are not going to be repeated. `part`: only those of that part of the
+  // frames, below parts().
+  virtual std::vector<Message> subscribe(std::size_t channel, std::optional<std::size_t> part) = 0;
   // The last reader has gone.
   virtual void unsubscribe(std::size_t channel) = 0;
+
+  // In how many parts its frames can be had; 0: it goes on, and has none.
+  virtual std::size_t parts() const { return 0; }
 
   // Numbered by their place, which never changes.
   virtual const std::vector<Service>& services() const {

@@ -66,8 +66,8 @@ void FileFeed::add_model(const fs::path& file, pipeline::Config& config) {
   const Model model = model::from_bytes(io::read_file(file), file.string());
   pipeline::adopt_model(model, config);
   const idl::FrameHeader header{.stage = "model", .name = file.filename().string()};
-  add("model/appearance", "AppearanceModel", idl::encode(header, model.appearance));
-  add("model/relations", "RelationModel", idl::encode(header, model.relation));
+  add("model/appearance", "AppearanceModel", nullptr, idl::encode(header, model.appearance));
+  add("model/relations", "RelationModel", nullptr, idl::encode(header, model.relation));
 }
 
 void FileFeed::add_clouds(const std::vector<std::string>& paths, const pipeline::Config* spectra) {
@@ -76,13 +76,12 @@ void FileFeed::add_clouds(const std::vector<std::string>& paths, const pipeline:
     Frame frame = read_frame(reader, item);
     const idl::FrameHeader header{
         .stage = "file", .source = "file", .sequence = frames_.size(), .name = item.name};
-    frames_.push_back(item.name);
     const std::vector<std::int32_t> label = frame.cloud.label;
     if (!frame.confidence.empty())
-      add("file/labelling", "Labelling", idl::encode(header, to_labelling(frame)));
+      add("file/labelling", "Labelling", &header, idl::encode(header, to_labelling(frame)));
     if (spectra != nullptr) add_spectrum(header, frame.cloud, *spectra);
-    add("file/cloud", "Cloud", idl::encode(header, frame.cloud));
-    add("file/cloud/points", "", encode_point_cloud(frame.cloud, label, "label", 0));
+    add("file/cloud", "Cloud", &header, idl::encode(header, frame.cloud));
+    add("file/cloud/points", "", &header, encode_point_cloud(frame.cloud, label, "label", 0));
   }
 }
 
@@ -97,21 +96,24 @@ void FileFeed::add_spectrum(const idl::FrameHeader& header, Cloud cloud,
       if (const std::int32_t dense = frame.input.dense_index[i]; dense >= 0)
         own[static_cast<std::size_t>(dense)] = static_cast<std::int32_t>(i);
     for (auto& sample : spectrum.sample_dense) sample = own[static_cast<std::size_t>(sample)];
-    add("file/reduced", "Cloud", idl::encode(header, frame.cloud));
-    add("file/spectrum", "Spectrum", idl::encode(header, spectrum));
+    add("file/reduced", "Cloud", &header, idl::encode(header, frame.cloud));
+    add("file/spectrum", "Spectrum", &header, idl::encode(header, spectrum));
   } catch (const InputError& error) {
     throw InputError(header.name + ": " + error.what());
   }
 }
 
-void FileFeed::add(const std::string& topic, const std::string& type, idl::Bytes bytes) {
+void FileFeed::add(const std::string& topic, const std::string& type,
+                   const idl::FrameHeader* header, idl::Bytes bytes) {
   bytes_ += bytes.size();
   if (bytes_ > kMaxBytes)
     throw InputError("the files take more than " + std::to_string(kMaxBytes >> 20U) +
                      " MB; open fewer of them");
   const std::size_t channel = channel_of(topic, type);
-  messages_[channel].push_back(
-      {.payload = std::make_shared<const idl::Bytes>(std::move(bytes)), .keep = true});
+  Entry entry;
+  if (header != nullptr) entry.frame = frames_.add(*header, 0, bytes.size());
+  entry.message = {.payload = std::make_shared<const idl::Bytes>(std::move(bytes)), .keep = true};
+  entries_[channel].push_back(std::move(entry));
 }
 
 std::size_t FileFeed::channel_of(const std::string& topic, const std::string& type) {
@@ -123,19 +125,27 @@ std::size_t FileFeed::channel_of(const std::string& topic, const std::string& ty
        .schema_name = type.empty() ? std::string(kPointCloudSchemaName) : idl::wire_type(type),
        .schema = std::string(type.empty() ? kPointCloudSchema : idl::idl_text(type)),
        .schema_encoding = std::string(idl::kSchemaEncoding)});
-  messages_.emplace_back();
+  entries_.emplace_back();
   return channels_.size() - 1;
 }
 
 void FileFeed::add_state() {
-  const nlohmann::json state = {{"graph", name_},
-                                {"state", "file"},
-                                {"frames", frames_},
-                                {"stages", nlohmann::json::array()},
-                                {"failures", nlohmann::json::array()}};
+  nlohmann::ordered_json state = {{"graph", name_},
+                                  {"state", "file"},
+                                  {"stages", nlohmann::json::array()},
+                                  {"failures", nlohmann::json::array()}};
+  describe_frames(state, frames_, 0);
+  parts_ = frames_.parts();
   const std::string text = state.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   channels_.push_back(state_channel("file", {}));
-  messages_.push_back({{.payload = to_payload(text), .keep = true}});
+  entries_.push_back({{.message = {.payload = to_payload(text), .keep = true}}});
+}
+
+std::vector<Message> FileFeed::subscribe(std::size_t channel, std::optional<std::size_t> part) {
+  std::vector<Message> result;
+  for (const auto& [frame, message] : entries_[channel])
+    if (!part || !frame || parts_[*part].contains(*frame)) result.push_back(message);
+  return result;
 }
 
 bool is_viewable(const fs::path& path) {

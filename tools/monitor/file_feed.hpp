@@ -4,10 +4,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tools/monitor/channel.hpp"
+#include "tools/monitor/frame_index.hpp"
 
 namespace cosegraph::pipeline {
 struct Config;
@@ -28,22 +30,31 @@ class FileFeed final : public Feed {
   std::string name() const override { return name_; }
   const std::vector<Channel>& channels() const override { return channels_; }
   void open(Deliver) override {}
-  std::vector<Message> subscribe(std::size_t channel) override { return messages_[channel]; }
+  std::vector<Message> subscribe(std::size_t channel, std::optional<std::size_t> part) override;
   void unsubscribe(std::size_t) override {}
+  std::size_t parts() const override { return parts_.size(); }
 
  private:
+  struct Entry {
+    std::optional<std::size_t> frame;
+    Message message;
+  };
+
   // Gives `config` what the model was trained with.
   void add_model(const std::filesystem::path& file, pipeline::Config& config);
   void add_clouds(const std::vector<std::string>& paths, const pipeline::Config* spectra);
   void add_spectrum(const idl::FrameHeader& header, Cloud cloud, const pipeline::Config& config);
-  void add(const std::string& topic, const std::string& type, idl::Bytes bytes);
+  // `header`: of the frame; none: the message belongs to none.
+  void add(const std::string& topic, const std::string& type, const idl::FrameHeader* header,
+           idl::Bytes bytes);
   void add_state();
   std::size_t channel_of(const std::string& topic, const std::string& type);
 
   std::string name_;
-  std::vector<std::string> frames_;
+  FrameIndex frames_;
+  std::vector<FrameIndex::Range> parts_;
   std::vector<Channel> channels_;
-  std::vector<std::vector<Message>> messages_;  // per channel
+  std::vector<std::vector<Entry>> entries_;  // per channel
   std::size_t bytes_ = 0;
 };
 

@@ -389,7 +389,7 @@ void GraphFeed::open(Deliver deliver) {
   impl_->open(std::move(deliver));
 }
 
-std::vector<Message> GraphFeed::subscribe(std::size_t channel) {
+std::vector<Message> GraphFeed::subscribe(std::size_t channel, std::optional<std::size_t>) {
   return impl_->subscribe(channel);
 }
 

@@ -20,7 +20,7 @@ class GraphFeed final : public Feed {
   std::string name() const override;
   const std::vector<Channel>& channels() const override;
   void open(Deliver deliver) override;
-  std::vector<Message> subscribe(std::size_t channel) override;
+  std::vector<Message> subscribe(std::size_t channel, std::optional<std::size_t> part) override;
   void unsubscribe(std::size_t channel) override;
   const std::vector<Service>& services() const override;
   void call(std::size_t service, const std::string& request, Reply reply) override;

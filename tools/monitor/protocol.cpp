@@ -39,8 +39,10 @@ Subscribe parse_subscribe(const json& message) {
   for (const auto& one : list_in(message, "subscriptions")) {
     if (!one.is_object() || !one.contains("id") || !one.contains("channelId"))
       throw InputError("a subscription needs id and channelId");
-    result.subscriptions.push_back(
-        {.id = number_in(one["id"], "id"), .channel = number_in(one["channelId"], "channelId")});
+    Subscribe::One wish{.id = number_in(one["id"], "id"),
+                        .channel = number_in(one["channelId"], "channelId")};
+    if (one.contains("part")) wish.part = number_in(one["part"], "part");
+    result.subscriptions.push_back(wish);
   }
   return result;
 }

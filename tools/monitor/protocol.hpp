@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -31,6 +32,7 @@ struct Subscribe {
   struct One {
     std::uint32_t id;  // chosen by the client, unique among its subscriptions
     std::uint32_t channel;
+    std::optional<std::uint32_t> part;  // our extension: of the frames of a file
   };
   std::vector<One> subscriptions;
 };

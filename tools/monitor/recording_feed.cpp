@@ -8,70 +8,74 @@
 #include "tools/recording/recording.hpp"
 
 namespace cosegraph::monitor {
+namespace {
+
+Message message_of(std::uint64_t time, std::span<const std::uint8_t> data) {
+  return {.time = time,
+          .payload = std::make_shared<const idl::Bytes>(data.begin(), data.end()),
+          .keep = true};
+}
+
+}  // namespace
 
 RecordingFeed::RecordingFeed(const std::filesystem::path& file, std::uint64_t first)
-    : name_(file.filename().string()) {
-  const recording::McapReader reader(file);
-  graph_ = recording::graph_in(reader);
-  // Places of channels, and the schemas of the time: types may have changed since.
-  std::map<std::uint16_t, std::size_t> place;
-  for (auto& [channel, topic] : recording::topics_in(reader)) {
-    place[channel] = topics_.size();
+    : name_(file.filename().string()), reader_(file), graph_(recording::graph_in(reader_)) {
+  for (auto& [channel, topic] : recording::topics_in(reader_)) {
+    place_[channel] = topics_.size();
     topics_.push_back(topic);
   }
   views_ = cloud_views_of(graph_, topics_);
   channels_ = channels_of(graph_, topics_, views_);
-  for (const auto& [channel, at] : place)
-    channels_[at].schema = reader.schemas().at(reader.channels().at(channel).schema).data;
+  // The schemas of the time: types may have changed since.
+  for (const auto& [channel, at] : place_)
+    channels_[at].schema = reader_.schemas().at(reader_.channels().at(channel).schema).data;
 
-  auto messages = reader.messages();
-  for (;;) {
-    try {
-      const auto message = messages.next();
-      if (!message) break;
-      const std::size_t topic = place.at(message->channel);
-      take(topics_[topic],
-           {topic,
-            {.time = message->log_time,
-             .payload =
-                 std::make_shared<const idl::Bytes>(message->data.begin(), message->data.end()),
-             .keep = true}},
-           first);
-    } catch (const InputError&) {
-      ++damaged_;
-    }
-  }
-  if (first > 0 && kept_.empty())
+  const std::size_t damaged =
+      read({}, [this](std::size_t topic, std::uint64_t time, std::span<const std::uint8_t> data) {
+        survey(topics_[topic], time, data);
+      });
+  if (first > 0 && first >= frames_.size())
     throw InputError(file.string() + ": it has " + std::to_string(frames_.size()) +
                      " frames, and none with the number " + std::to_string(first));
+  parts_ = frames_.parts();
+  default_ = frames_.range(first, kMaxFrames, kMaxBytes);
 
   GraphState state(graph_, topics_);
-  state.hear(processes_, failures_);
+  state.hear(std::move(processes_), failures_);
   state.end(RunState::file);
-  state.set_note(note(first));
-  const std::uint64_t end = reader.statistics().end_time;
+  state.set_frames(frames_, first);
+  if (damaged > 0)
+    state.set_note(std::to_string(damaged) + " damaged parts of the file are left out.");
+  const std::uint64_t end = reader_.statistics().end_time;
   state_ = {
       .time = end, .payload = to_payload(state.to_json(GraphState::Time{}, end)), .keep = true};
 }
 
-// Which part is shown, if it is not all.
-std::string RecordingFeed::note(std::uint64_t first) const {
-  std::string note;
-  if (kept_.size() < frames_.size())
-    note = "Frames " + std::to_string(first) + " to " + std::to_string(first + kept_.size() - 1) +
-           " of " + std::to_string(frames_.size()) +
-           ". Others: --from NUMBER, or 'cosegraph replay'.";
-  if (damaged_ > 0)
-    note += (note.empty() ? "" : " ") + std::to_string(damaged_) +
-            " damaged parts of the file are left out.";
-  return note;
+// Returns how many damaged chunks were left out.
+template <class Take>
+std::size_t RecordingFeed::read(const recording::Selection& selection, const Take& take) const {
+  std::size_t damaged = 0;
+  auto messages = reader_.messages(selection);
+  for (;;) {
+    try {
+      const auto message = messages.next();
+      if (!message) return damaged;
+      take(place_.at(message->channel), message->log_time, message->data);
+    } catch (const InputError&) {
+      ++damaged;
+    }
+  }
 }
 
-void RecordingFeed::take(const Topic& topic, Entry entry, std::uint64_t first) {
-  const idl::Bytes& bytes = *entry.message.payload;
-  const idl::FrameHeader header = idl::decode_header(bytes);
+void RecordingFeed::survey(const Topic& topic, std::uint64_t time,
+                           std::span<const std::uint8_t> data) {
+  const idl::FrameHeader header = idl::decode_header(data);
+  if (topic.has_frames()) {
+    frames_.add(header, time, data.size());
+    return;
+  }
   if (topic.type == "StageStatus") {
-    const auto status = idl::decode<idl::StageStatus>(bytes);
+    const auto status = idl::decode<idl::StageStatus>(data);
     const graph::StageNode* node = graph_.stage(header.stage);
     if (node != nullptr && !status.candidate)
       processes_[graph::process_name(*node, status.replica)] = {header, status, {}};
@@ -81,25 +85,39 @@ void RecordingFeed::take(const Topic& topic, Entry entry, std::uint64_t first) {
     failures_.push_back({.stage = header.stage,
                          .frame = header.name,
                          .sequence = header.sequence,
-                         .reason = idl::decode<idl::FrameFailure>(bytes).reason,
-                         .heard = static_cast<std::int64_t>(entry.message.time)});
-  if (topic.has_frames()) {
-    const FrameId id{header.epoch, header.sequence};
-    const std::size_t number = frames_.try_emplace(id, frames_.size()).first->second;
-    const bool begins = number >= first && !full_ && kept_.size() < kMaxFrames;
-    if (begins) kept_.insert(id);
-    if (!kept_.contains(id)) return;
-    bytes_ += bytes.size();
-    full_ = full_ || bytes_ > kMaxBytes;
-  }
-  entries_.push_back(std::move(entry));
+                         .reason = idl::decode<idl::FrameFailure>(data).reason,
+                         .heard = static_cast<std::int64_t>(time)});
+  const auto at = static_cast<std::size_t>(&topic - topics_.data());
+  lasting_.push_back({at, message_of(time, data)});
 }
 
-std::vector<Message> RecordingFeed::subscribe(std::size_t channel) {
+void RecordingFeed::load(FrameIndex::Range range) {
+  if (range == loaded_) return;
+  entries_.clear();
+  loaded_ = {};
+  recording::Selection selection{.from = UINT64_MAX, .to = 0, .channels = {{}}};
+  for (std::size_t i = range.from; i < range.to; ++i) {
+    selection.from = std::min(selection.from, frames_[i].begin);
+    selection.to = std::max(selection.to, frames_[i].end + 1);
+  }
+  for (const auto& [channel, topic] : place_)
+    if (topics_[topic].has_frames()) selection.channels->insert(channel);
+  read(selection, [&](std::size_t topic, std::uint64_t time, std::span<const std::uint8_t> data) {
+    const auto number = frames_.number_of(idl::decode_header(data));
+    if (number && range.contains(*number)) entries_.push_back({topic, message_of(time, data)});
+  });
+  loaded_ = range;
+}
+
+std::vector<Message> RecordingFeed::subscribe(std::size_t channel,
+                                              std::optional<std::size_t> part) {
   if (channel + 1 == channels_.size()) return {state_};
-  if (channel >= topics_.size()) return draw(channel - topics_.size());
+  const bool is_view = channel >= topics_.size();
+  const bool has_frames = is_view || topics_[channel].has_frames();
+  if (has_frames) load(part ? parts_[*part] : default_);
+  if (is_view) return draw(channel - topics_.size());
   std::vector<Message> result;
-  for (const auto& entry : entries_)
+  for (const auto& entry : has_frames ? entries_ : lasting_)
     if (entry.topic == channel) result.push_back(entry.message);
   return result;
 }
@@ -110,7 +128,6 @@ std::vector<Message> RecordingFeed::draw(std::size_t view) const {
   wanted[view] = true;
   std::vector<Message> result;
   for (const auto& entry : entries_) {
-    if (!topics_[entry.topic].has_frames()) continue;
     try {
       for (auto& [drawn, bytes] :
            joined.add(topics_[entry.topic].name, *entry.message.payload, wanted))

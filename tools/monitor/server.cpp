@@ -81,9 +81,9 @@ class Hub {
   }
   void leave(const std::shared_ptr<Client>& client) { clients_.erase(client); }
 
-  std::vector<Message> subscribe(std::size_t channel) {
+  std::vector<Message> subscribe(std::size_t channel, std::optional<std::size_t> part) {
     ++readers_[channel];
-    return feed_->subscribe(channel);
+    return feed_->subscribe(channel, part);
   }
   void unsubscribe(std::size_t channel) {
     if (feed_ != nullptr && --readers_[channel] == 0) feed_->unsubscribe(channel);
@@ -205,9 +205,12 @@ class Client : public std::enable_shared_from_this<Client> {
       } else if (subscriptions_.contains(one.id) || subscriptions_.size() >= kMaxSubscriptions) {
         send(status(Level::error,
                     "subscription " + std::to_string(one.id) + " is in use, or one too many"));
+      } else if (one.part && *one.part >= hub_.feed()->parts()) {
+        send(status(Level::error, "there is no part " + std::to_string(*one.part)));
       } else {
         subscriptions_[one.id] = *channel;
-        for (const auto& message : hub_.subscribe(*channel)) outbox_.push(one.id, message);
+        for (const auto& message : hub_.subscribe(*channel, one.part))
+          outbox_.push(one.id, message);
       }
     }
     write();

@@ -161,16 +161,17 @@ std::string GraphState::to_json(Time now, std::uint64_t wall) const {
                         {"sequence", failure.sequence},
                         {"reason", failure.reason},
                         {"time", failure.heard / 1'000'000}});
-  const ordered_json all = {{"graph", graph_.graph},
-                            {"instance", graph_.instance},
-                            {"state", to_name(state(now))},
-                            {"time", wall / 1'000'000},
-                            {"window", graph_.window},
-                            {"agents", agents_},
-                            {"note", note_},
-                            {"stages", std::move(stages)},
-                            {"failures", std::move(failures)},
-                            {"failure_count", failure_count_}};
+  ordered_json all = {{"graph", graph_.graph},
+                      {"instance", graph_.instance},
+                      {"state", to_name(state(now))},
+                      {"time", wall / 1'000'000},
+                      {"window", graph_.window},
+                      {"agents", agents_},
+                      {"note", note_},
+                      {"stages", std::move(stages)},
+                      {"failures", std::move(failures)},
+                      {"failure_count", failure_count_}};
+  if (frames_) describe_frames(all, *frames_, first_);
   return all.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 

@@ -5,12 +5,14 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "graph/description.hpp"
 #include "graph/observer.hpp"
 #include "graph/traffic.hpp"
+#include "tools/monitor/frame_index.hpp"
 #include "tools/monitor/topics.hpp"
 
 namespace cosegraph::monitor {
@@ -39,8 +41,13 @@ class GraphState {
   void hear(graph::Look processes, const std::vector<graph::ObservedFailure>& failures);
   // Agents are there, who can swap stages.
   void set_agents(bool any) { agents_ = any; }
-  // What people should know: the swap that goes on, the part of a file that is shown.
+  // What people should know: the swap that goes on, what a file lacks.
   void set_note(std::string text) { note_ = std::move(text); }
+  // Of a file: what there is to see, and which frame first.
+  void set_frames(FrameIndex frames, std::size_t first) {
+    frames_ = std::move(frames);
+    first_ = first;
+  }
   void end(RunState how = RunState::ended) { end_ = how; }
 
   const graph::GraphDescription& graph() const { return graph_; }
@@ -57,6 +64,8 @@ class GraphState {
   RunState end_ = RunState::waiting;  // waiting: it has not
   bool agents_ = false;
   std::string note_;
+  std::optional<FrameIndex> frames_;
+  std::size_t first_ = 0;
   graph::Look processes_;
   std::deque<graph::ObservedFailure> failures_;  // newest last
   std::size_t failure_count_ = 0;

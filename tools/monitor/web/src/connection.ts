@@ -44,7 +44,8 @@ export class Connection {
   private socket: WebSocket | null = null;
   private readonly channels = new Map<number, Channel>();
   private wanted = new Set<string>();
-  private readonly subscribed = new Map<number, Channel>(); // by subscription
+  private parts: (number | undefined)[] = [undefined];
+  private readonly subscribed = new Map<number, { channel: Channel; part?: number }>();
   private nextSubscription = 1;
   private patience = kShortest;
   private readonly services = new Map<string, number>(); // id by name
@@ -56,9 +57,11 @@ export class Connection {
     this.connect();
   }
 
-  // Topics whose messages are to come; all others stop.
-  want(topics: Set<string>): void {
+  // Topics whose messages are to come; all others stop. `parts`: of the frames of a file; none: all
+  // that come.
+  want(topics: Set<string>, parts: number[]): void {
     this.wanted = topics;
+    this.parts = parts.length > 0 ? parts : [undefined];
     this.update();
   }
 
@@ -120,8 +123,8 @@ export class Connection {
       case "unadvertise":
         for (const id of message.channelIds) {
           this.channels.delete(id);
-          for (const [subscription, channel] of this.subscribed)
-            if (channel.id === id) this.subscribed.delete(subscription);
+          for (const [subscription, one] of this.subscribed)
+            if (one.channel.id === id) this.subscribed.delete(subscription);
         }
         break;
       case "advertiseServices":
@@ -148,7 +151,7 @@ export class Connection {
     const view = new DataView(data);
     if (view.getUint8(0) === kServiceResponse) return this.finish(view);
     if (view.getUint8(0) !== kMessageData) return;
-    const channel = this.subscribed.get(view.getUint32(1, true));
+    const channel = this.subscribed.get(view.getUint32(1, true))?.channel;
     // Copied, so that arrays in it are aligned and can be used as they are.
     if (channel !== undefined)
       this.events.message(channel, new Uint8Array(data.slice(kHeadSize)));
@@ -163,18 +166,21 @@ export class Connection {
 
   private update(): void {
     if (this.socket?.readyState !== WebSocket.OPEN) return;
-    const gone = [...this.subscribed].filter(([, channel]) => !this.wanted.has(channel.topic));
+    const gone = [...this.subscribed].filter(([, { channel, part }]) =>
+      !this.wanted.has(channel.topic) || !this.parts.includes(part));
     for (const [subscription] of gone) this.subscribed.delete(subscription);
     if (gone.length > 0)
       this.say({ op: "unsubscribe", subscriptionIds: gone.map(([subscription]) => subscription) });
-    const known = new Set([...this.subscribed.values()].map((channel) => channel.id));
+    const key = (channel: Channel, part?: number) => `${channel.id} ${part}`;
+    const known = new Set([...this.subscribed.values()].map((one) => key(one.channel, one.part)));
     const subscriptions = [];
-    for (const channel of this.channels.values()) {
-      if (!this.wanted.has(channel.topic) || known.has(channel.id)) continue;
-      const id = this.nextSubscription++;
-      this.subscribed.set(id, channel);
-      subscriptions.push({ id, channelId: channel.id });
-    }
+    for (const part of this.parts)
+      for (const channel of this.channels.values()) {
+        if (!this.wanted.has(channel.topic) || known.has(key(channel, part))) continue;
+        const id = this.nextSubscription++;
+        this.subscribed.set(id, { channel, part });
+        subscriptions.push({ id, channelId: channel.id, part });
+      }
     if (subscriptions.length > 0) this.say({ op: "subscribe", subscriptions });
   }
 

@@ -1,5 +1,7 @@
-// What has come in, by frame. Bounded; the oldest frames go first. Messages are decoded when they
-// are looked at.
+// What has come in, by frame. Messages are decoded when they are looked at.
+//
+// Of a running graph, the newest frames are kept. Of a file all frames are known from the start, and
+// messages are kept of those that are asked for.
 import type { Channel, Header } from "./connection";
 
 const kMaxFrames = 120;
@@ -15,7 +17,9 @@ class Stored {
 
 export class Frame {
   readonly messages = new Map<string, Stored>(); // by topic
-  constructor(readonly key: string, readonly name: string, readonly sequence: number) {}
+  // `time`: ms since 1970 when it began, 0 if that is not known.
+  constructor(readonly key: string, readonly name: string, readonly sequence: number,
+    readonly time = 0) {}
   has(topic: string): boolean {
     return this.messages.has(topic);
   }
@@ -29,6 +33,7 @@ export class Frames {
   private readonly byKey = new Map<string, Frame>();
   private readonly latched = new Map<string, Stored>();
   private bytes = 0;
+  private isFile = false;
 
   // Returns the frame, unless the message belongs to none.
   add(channel: Channel, bytes: Uint8Array, latched: boolean): Frame | null {
@@ -48,11 +53,26 @@ export class Frames {
     return this.latched.get(topic)?.get() ?? null;
   }
 
-  clear(): void {
+  // `frames`: all that there are, of a file.
+  begin(frames: { epoch: string; sequence: number; name: string; time: number }[] | null): void {
+    this.isFile = frames !== null;
     this.all.length = 0;
     this.byKey.clear();
     this.latched.clear();
     this.bytes = 0;
+    for (const one of frames ?? []) {
+      const frame =
+        new Frame(`${one.epoch}:${one.sequence}`, one.name, one.sequence, one.time);
+      this.all.push(frame);
+      this.byKey.set(frame.key, frame);
+    }
+  }
+
+  // Of all other frames than these the messages go.
+  keep(ranges: { from: number; to: number }[]): void {
+    this.all.forEach((frame, i) => {
+      if (!ranges.some(({ from, to }) => from <= i && i < to)) frame.messages.clear();
+    });
   }
 
   private frameOf(header: Header): Frame {
@@ -71,7 +91,7 @@ export class Frames {
   }
 
   private trim(newest: Frame): void {
-    while (this.all.length > 1 && (this.all.length > kMaxFrames || this.bytes > kMaxBytes)) {
+    while (!this.isFile && this.all.length > 1 && (this.all.length > kMaxFrames || this.bytes > kMaxBytes)) {
       const oldest = this.all[0] === newest ? this.all.splice(1, 1)[0] : this.all.shift()!;
       this.byKey.delete(oldest.key);
       for (const message of oldest.messages.values()) this.bytes -= message.bytes.byteLength;

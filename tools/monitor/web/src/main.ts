@@ -8,16 +8,22 @@ import { Frames, type Frame } from "./frames";
 import { GraphView } from "./graph_view";
 import { Pane } from "./pane";
 import { StageDialog, type SwapCall } from "./stage_dialog";
-import { Rates, complete, type GraphState, type Topic } from "./state";
+import { Rates, complete, framesOf, isSameRun, partsAround, type Failure, type GraphState, type Topic } from "./state";
 import { canShow } from "./views";
 
 const kMaxPanes = 4;
 const kDark = matchMedia("(prefers-color-scheme: dark)");
+const kUsualPause = 500; // ms between frames whose times are not known
+const kLongestPause = 2000;
+const kPatience = 1000;
+const kHaste = 250; // ms between two fetches
+const kMargin = 10; // frames of a file that are fetched ahead
 const kFirstTopics = ["Labelling", "Segments", "Cloud", "AppearanceModel"];
 
 const kKeys: [string, string][] = [
   ["← →", "previous, next frame"],
-  ["Space", "hold the frame, or follow the newest"],
+  ["Home End", "first, last frame"],
+  ["Space", "hold the frame, or follow the newest; of a file: play, stop"],
   ["1 – 9", "topic of the pane in use"],
   ["c C", "next, previous colouring"],
   ["[ ]", "previous, next eigenfunction (or last choice)"],
@@ -44,7 +50,7 @@ class Page {
   private panes: Pane[] = [];
   private active: Pane | null = null;
   private current: Frame | null = null;
-  private live = true;
+  private live = true; // follows the newest frame; of a file: plays
   private linked = true;
   private pointSize = 1;
   private stateChanged = true;
@@ -74,8 +80,7 @@ class Page {
   private readonly slider = h("input", { type: "range", min: 0, max: 0, value: 0,
     "aria-label": "frame", oninput: () => this.jump(Number(this.slider.value)) });
   private readonly frameName = h("span", { class: "frame-name" });
-  private readonly follow = h("button", { class: "follow", title: "Follow the newest frame (space)",
-    onclick: () => this.toggleLive() }, "live");
+  private readonly follow = h("button", { class: "follow", onclick: () => this.toggleLive() });
   private readonly footer = h("footer", {}, this.follow, this.slider, this.frameName);
   private readonly linkButton = h("button", { title: "Link the cameras (l)",
     onclick: () => this.toggleLink() }, "linked");
@@ -155,6 +160,10 @@ class Page {
     this.list();
   }
 
+  private isFile(): boolean {
+    return this.graph?.state === "file";
+  }
+
   private isState(channel: Channel): boolean {
     return channel.type === "cosegraph.Monitor";
   }
@@ -164,8 +173,7 @@ class Page {
       const before = this.graph;
       this.graph = complete(channel.decode(data));
       this.stateChanged = true;
-      if (before?.graph !== this.graph.graph || before?.instance !== this.graph.instance)
-        this.begin();
+      if (before === null || !isSameRun(before, this.graph)) this.begin();
       return;
     }
     const latched = this.listed.find((topic) => topic.name === channel.topic)?.latched ?? false;
@@ -174,9 +182,11 @@ class Page {
 
   // Another run, or the first.
   private begin(): void {
-    this.frames.clear();
-    this.current = null;
-    this.live = this.graph!.state !== "file";
+    this.frames.begin(this.graph!.frames ?? null);
+    this.current = this.frames.all[this.graph!.first ?? 0] ?? null;
+    this.live = !this.isFile();
+    setText(this.follow, this.isFile() ? "play" : "live");
+    this.follow.title = this.isFile() ? "Play (space)" : "Follow the newest frame (space)";
     this.rates.clear();
     this.list();
     for (const pane of this.panes) pane.redraw();
@@ -282,20 +292,45 @@ class Page {
 
   private toggleLive(): void {
     this.live = !this.live;
+    this.played = performance.now();
+    if (this.live && this.isFile() && this.current === this.frames.all.at(-1)) {
+      this.jump(0); // over again
+      this.live = true;
+    }
   }
 
-  // The newest frame (of files: the first) of which every pane has all it shows, so that panes
-  // never flicker between two.
+  private isComplete(frame: Frame, withLater: boolean): boolean {
+    return this.panes.every((pane) => pane.isComplete(frame, withLater));
+  }
+
+  // Of a running graph the newest frame of which every pane has all it shows, so that panes never
+  // flicker between two.
   private chooseFrame(): void {
     const all = this.frames.all;
     if (this.current !== null && !all.includes(this.current)) this.current = all[0] ?? null;
-    if (!this.live && this.current !== null) return;
-    const find = (withLater: boolean) => {
-      const complete = (frame: Frame) =>
-        this.panes.every((pane) => pane.isComplete(frame, withLater));
-      return this.live ? all.findLast(complete) : all.find(complete);
-    };
+    if (!this.live) return;
+    if (this.isFile()) return this.play();
+    const find = (withLater: boolean) => all.findLast((frame) => this.isComplete(frame, withLater));
     this.current = find(true) ?? find(false) ?? this.current ?? all.at(-1) ?? null;
+  }
+
+  // Goes on to the next frame of a file when its time has come, and it has come in. Frames that
+  // lack something, as those that failed, are waited for a while.
+  private played = 0; // when the last step was due
+  private play(): void {
+    const all = this.frames.all;
+    const at = this.current === null ? -1 : all.indexOf(this.current);
+    const next = all[at + 1];
+    if (next === undefined) {
+      this.live = false;
+      return;
+    }
+    const pause = next.time > 0 && this.current !== null
+      ? Math.min(kLongestPause, Math.max(0, next.time - this.current.time)) : kUsualPause;
+    const late = performance.now() - this.played - pause;
+    if (late < 0 || (!this.isComplete(next, false) && late < kPatience)) return;
+    this.current = next;
+    this.played = late > kUsualPause ? performance.now() : this.played + pause;
   }
 
   // -- drawing -----------------------------------------------------------------------------------
@@ -316,11 +351,27 @@ class Page {
   private subscribe(): void {
     const wanted = new Set(this.panes.flatMap((pane) => pane.wanted()));
     for (const channel of this.channels) if (this.isState(channel)) wanted.add(channel.topic);
-    const key = [...wanted].sort().join();
-    if (key === this.subscribed) return;
+    const at = Math.max(0, this.current === null ? 0 : this.frames.all.indexOf(this.current));
+    const parts = this.graph === null ? [] : partsAround(this.graph, at, kMargin);
+    const key = [...wanted].sort().join() + parts.join();
+    if (key === this.subscribed || this.isHasty(parts)) return;
     this.subscribed = key;
-    this.connection.want(wanted);
+    if (this.isFile()) this.frames.keep(parts.map((part) => framesOf(this.graph!, part)));
+    this.connection.want(wanted, parts);
     this.graphView.mark(new Set(this.panes.map((pane) => pane.topic)));
+  }
+
+  // Parts that the slider only passes through are not fetched.
+  private parts = "";
+  private fetched = 0;
+  private isHasty(parts: number[]): boolean {
+    const isNew = parts.join() !== this.parts;
+    if (isNew && performance.now() - this.fetched < kHaste) return true;
+    if (isNew) {
+      this.parts = parts.join();
+      this.fetched = performance.now();
+    }
+    return false;
   }
 
   private shownFrames = "";
@@ -335,7 +386,14 @@ class Page {
     this.slider.disabled = all.length < 2;
     this.follow.setAttribute("aria-pressed", String(this.live));
     setText(this.frameName, this.current === null ? "no frame yet"
-      : `${this.current.name} · ${at + 1} of ${all.length}` + (this.live ? "" : ", held"));
+      : `${this.current.name} · ${at + 1} of ${all.length}` + this.manner(this.current));
+  }
+
+  // How it comes that this frame is shown.
+  private manner(frame: Frame): string {
+    if (!this.isFile()) return this.live ? "" : ", held";
+    const first = this.frames.all[0].time;
+    return first === 0 ? "" : `, ${((frame.time - first) / 1000).toFixed(1)} s`;
   }
 
   private renderState(): void {
@@ -347,7 +405,7 @@ class Page {
     const isWired = graph.stages.length > 0;
     this.graphHolder.classList.toggle("absent", !isWired);
     this.sidebar.hidden = !isWired;
-    this.follow.hidden = this.latency.element.hidden = graph.state === "file";
+    this.latency.element.hidden = this.isFile();
     if (!isWired) return;
     this.graphView.update(graph);
     this.stageDialog.update(graph);
@@ -425,9 +483,19 @@ class Page {
       return replace(this.failures, h("li", { class: "none" },
         graph.state === "file" ? "none" : "none since the monitor began"));
     replace(this.failures, ...[...graph.failures].reverse().slice(0, 50).map((failure) =>
-      h("li", {}, h("b", {}, failure.frame || `frame ${failure.sequence}`), ` at ${failure.stage}`,
+      h("li", {}, this.frameLink(failure), ` at ${failure.stage}`,
         h("time", {}, new Date(failure.time).toLocaleTimeString()),
         h("span", {}, failure.reason))));
+  }
+
+  // The name of a frame that failed; of a file a way to get there.
+  private frameLink(failure: Failure): HTMLElement {
+    const name = failure.frame || `frame ${failure.sequence}`;
+    const index = !this.isFile() ? -1 : this.frames.all.findIndex((frame) =>
+      frame.sequence === failure.sequence && frame.name === failure.frame);
+    return index < 0 ? h("b", {}, name)
+      : h("button", { class: "link", title: "Show this frame", onclick: () => this.jump(index) },
+        name);
   }
 
   // -- wishes ------------------------------------------------------------------------------------
@@ -471,6 +539,8 @@ class Page {
     const wishes: Record<string, () => void> = {
       ArrowLeft: () => this.step(-1),
       ArrowRight: () => this.step(1),
+      Home: () => this.jump(0),
+      End: () => this.jump(this.frames.all.length - 1),
       " ": () => this.toggleLive(),
       c: () => this.active?.cycle(1, false),
       C: () => this.active?.cycle(-1, false),

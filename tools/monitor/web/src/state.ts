@@ -67,7 +67,12 @@ export interface GraphState {
   time: number; // ms since 1970
   window?: number;
   agents?: boolean; // there is somebody who can swap stages
-  note?: string; // what people should know: the swap that goes on, the part of a file
+  note?: string; // what people should know: the swap that goes on, what a file lacks
+  // Of a file: all its frames, the parts in which they can be had (their first frames), and which
+  // frame is to be shown first.
+  frames?: { epoch: string; sequence: number; name: string; time: number }[]; // ms since 1970, or 0
+  parts?: number[];
+  first?: number;
   stages: Stage[];
   failures: Failure[];
   failure_count?: number;
@@ -159,6 +164,25 @@ export class Rates {
   clear(): void {
     this.history.clear();
   }
+}
+
+export function isSameRun(a: GraphState, b: GraphState): boolean {
+  const first = (state: GraphState) => `${state.frames?.[0]?.epoch} ${state.frames?.length}`;
+  return a.graph === b.graph && a.instance === b.instance && first(a) === first(b);
+}
+
+// The parts of a file with frame number `at` and its neighbours, as far as `margin` frames away.
+export function partsAround(state: GraphState, at: number, margin: number): number[] {
+  const starts = state.parts ?? [];
+  const partOf = (frame: number) =>
+    Math.max(0, starts.findLastIndex((start) => start <= frame));
+  return starts.length === 0 ? []
+    : [...new Set([at, at + margin, at - margin].map(partOf))];
+}
+
+// The frames of a part: from the first to before the last.
+export function framesOf(state: GraphState, part: number): { from: number; to: number } {
+  return { from: state.parts![part], to: state.parts![part + 1] ?? state.frames!.length };
 }
 
 // Messages and bytes that a topic's publisher has sent; bytes are unknown if it does not count them.
