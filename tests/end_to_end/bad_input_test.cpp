@@ -224,6 +224,8 @@ TEST_F(BadQuery, InterruptStopsInOrder) {
     Program program(words);
     std::this_thread::sleep_for(std::chrono::milliseconds(2500));
     ::kill(program.pid(), SIGINT);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    ::kill(program.pid(), SIGINT);  // handed on by a program around it
     const Outcome outcome = program.wait();
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.errors, HasSubstr("stopped before the end"));

@@ -150,11 +150,23 @@ TEST_F(RecordingCommands, InterruptEndsARecordingInOrder) {
   EXPECT_EQ(info()["recovered"], false);
 }
 
+TEST_F(RecordingCommands, TheLastOfARunIsKept) {
+  Program recorder(
+      {"cosegraph", "record", "segment", "-o", path("run.mcap"), "--wait", "--last", "1500ms"});
+  EXPECT_EQ(run(graph("run", "8")).status, 0);  // 30 frames, nearly 4 s
+  EXPECT_EQ(recorder.wait().status, 0);
+  const json found = info();
+  ASSERT_THAT(found["epochs"], SizeIs(1)) << found.dump(2);
+  EXPECT_EQ(found["epochs"][0]["last"], 29);
+  EXPECT_GT(found["epochs"][0]["first"], 5);
+}
+
 TEST_F(RecordingCommands, WhatIsNoRecordingIsRefused) {
   const Outcome outcome = run({"cosegraph", "info", path("model.coseg")});
   EXPECT_EQ(outcome.status, 1);
   EXPECT_THAT(outcome.errors, HasSubstr("model.coseg: is not an MCAP file"));
   EXPECT_EQ(run({"cosegraph", "record", "segment", "-o", "x.mcap", "--split"}).status, 2);
+  EXPECT_EQ(run({"cosegraph", "record", "segment", "-o", "x.mcap", "--last", "3x"}).status, 2);
   EXPECT_EQ(run({"cosegraph", "replay", "x.mcap", "--loop", "--into", "cpc"}).status, 2);
 }
 

@@ -277,7 +277,7 @@ TEST(Doctor, TellsWhatLostPacketsLeaveBehindWhereHostsHaveKeys) {
            "stages:\n  source: {use: source, host: one, params: {path: x}}\n"
            "  supervoxels: {use: supervoxels, host: two, inputs: {cloud: source/dense}}\n";
     const Outcome outcome =
-        run({"cosegraph", "doctor", (folder / "graph.yaml").string(), "--timeout", "1"});
+        run({"cosegraph", "doctor", (folder / "graph.yaml").string(), "--timeout", "1s"});
     return outcome.output.find("net.ipv4.ipfrag_time") != std::string::npos;
   };
   EXPECT_TRUE(looks_at_it("dds: {security: keys}\n"));

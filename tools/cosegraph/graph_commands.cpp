@@ -11,6 +11,7 @@
 #include "graph/description.hpp"
 #include "io/file.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/durations.hpp"
 #include "tools/cosegraph/hosts.hpp"
 #include "tools/cosegraph/run_graph.hpp"
 #include "tools/cosegraph/watching.hpp"
@@ -242,8 +243,9 @@ void add_graph_commands(CLI::App& app, const Choose& choose) {
   draw->add_option("-o,--output", drawing->output, "picture: .svg, .png, .pdf or .dot")->required();
   auto* live = draw->add_flag("--live", drawing->live,
                               "as it runs: states, rates and counts of stages and edges");
-  draw->add_option("--every", drawing->every, "draw again every so many seconds, until Ctrl-C")
-      ->check(CLI::Range(0.1, 3600.0))
+  takes_seconds(
+      draw->add_option("--every", drawing->every, "draw again after so long, until Ctrl-C"), 0.1,
+      3600.0)
       ->needs(live);
   draw->add_option("--instance", drawing->watched.instance, "which of several runs of it")
       ->needs(live);

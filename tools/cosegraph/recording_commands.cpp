@@ -9,6 +9,7 @@
 
 #include "graph/runs.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/durations.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
 #include "tools/recording/recorder.hpp"
 #include "tools/recording/recording.hpp"
@@ -167,7 +168,7 @@ struct RecordArguments {
   std::vector<std::string> topics;
   std::uint64_t max_size = 0;
   bool split = false;
-  int last = 0;
+  double last = 0.0;  // s
   bool wait = false;
 };
 
@@ -191,7 +192,8 @@ int record(const RecordArguments& arguments) {
   recording::RecorderOptions options{
       .file = {.max_size = arguments.max_size, .split = arguments.split},
       .topics = arguments.topics};
-  if (arguments.last > 0) options.last = std::chrono::seconds(arguments.last);
+  if (arguments.last > 0.0)
+    options.last = std::chrono::milliseconds(std::llround(1000.0 * arguments.last));
   recording::Recorder recorder(graph, graph::catalog_of(stage_table()), arguments.output, options);
   std::cerr << "recording graph " << graph.graph << ", Ctrl-C ends it\n";
   std::string reason = "stopped";
@@ -241,10 +243,9 @@ void add_recording_commands(CLI::App& app, const Choose& choose) {
           ->transform(CLI::AsSizeValue(true));
   auto* split = record_command->add_flag(
       "--split", arguments->split, "go on in X_1.mcap, X_2.mcap, ... when X_0.mcap has its size");
-  auto* last = record_command
-                   ->add_option("--last", arguments->last,
-                                "s; keep only so much, in memory, and write it at the end")
-                   ->check(CLI::PositiveNumber);
+  auto* last = record_command->add_option(
+      "--last", arguments->last, "as 30s: keep only so much, in memory, and write it at the end");
+  takes_seconds(last, 0.1, 86'400.0);
   split->needs(max_size);
   last->excludes(max_size);
   record_command->add_flag("--wait", arguments->wait, "until the graph runs");

@@ -9,6 +9,7 @@
 #include "graph/runs.hpp"
 #include "graph/runtime.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/durations.hpp"
 #include "tools/cosegraph/run_graph.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
 #include "tools/recording/compare.hpp"
@@ -38,10 +39,10 @@ struct Part {
 
 void add_part(CLI::App& command, Part& part) {
   constexpr double kLongest = 1e9;
-  command.add_option("--from", part.from, "s after the start of the recording")
-      ->check(CLI::Range(0.0, kLongest));
-  command.add_option("--to", part.to, "s after the start of the recording; 0: its end")
-      ->check(CLI::Range(0.0, kLongest));
+  takes_seconds(command.add_option("--from", part.from, "after the start of the recording"), 0.0,
+                kLongest);
+  takes_seconds(command.add_option("--to", part.to, "after the start of the recording; 0: its end"),
+                0.0, kLongest);
 }
 
 void report_damage(const recording::McapReader& reader) {

@@ -8,7 +8,8 @@
 namespace cosegraph::tools {
 
 // While one lives the first SIGINT or SIGTERM asks for a clean end, and a second one ends the
-// process at once. One at a time.
+// process at once; but one that comes with the first does not: programs that run others hand on
+// what the terminal has already sent to all. One at a time.
 class StopSignals {
  public:
   StopSignals();

@@ -10,6 +10,7 @@
 
 #include "tools/account_json.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/durations.hpp"
 #include "tools/cosegraph/watching.hpp"
 
 namespace cosegraph::tools {
@@ -148,9 +149,8 @@ void add_top_command(CLI::App& app, const Choose& choose) {
   add_watched(*top, *watched, "");
   add_once(*top, *watched, "one table, not redrawn");
   add_timeout(*top, *watched, 3.0, "how long to wait for all stages to be heard");
-  top->add_option("--every", *every, "seconds between two tables")
-      ->check(CLI::Range(0.5, 3600.0))
-      ->capture_default_str();
+  takes_seconds(top->add_option("--every", *every, "between two tables"), 0.5, 3600.0)
+      ->option_text("SECONDS [1]");
   top->footer(
       "CPU is that of the process, which stages of 'cosegraph run' share.\n"
       "Example:\n  cosegraph top segment.yaml\n  cosegraph top --once --json");

@@ -13,6 +13,7 @@
 #include "idl/inspect.hpp"
 #include "idl/present.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/durations.hpp"
 #include "tools/cosegraph/watching.hpp"
 
 namespace cosegraph::tools {
@@ -608,9 +609,8 @@ void add_topic_commands(CLI::App& app, const Choose& choose) {
     add_watched(*command, *measured, what);
     add_once(*command, *measured, "one line, when the window is full");
     add_timeout(*command, *measured, 5.0, "give up after so long without news of the stage");
-    command->add_option("--window", *window, "seconds that are averaged over")
-        ->check(CLI::Range(1.0, 600.0))
-        ->capture_default_str();
+    takes_seconds(command->add_option("--window", *window, "that is averaged over"), 1.0, 600.0)
+        ->option_text("SECONDS [2]");
     command->footer(std::string("From the writers' own counters: nothing is missed.\n"
                                 "Example:\n  cosegraph topic ") +
                     name + " source/dense --once");

@@ -10,6 +10,7 @@
 #include "graph/swap.hpp"
 #include "graph/topics.hpp"
 #include "tools/cosegraph/commands.hpp"
+#include "tools/cosegraph/durations.hpp"
 
 namespace cosegraph::tools {
 
@@ -42,8 +43,7 @@ void add_once(CLI::App& command, Watched& watched, const std::string& doc) {
 
 void add_timeout(CLI::App& command, Watched& watched, double value, const std::string& doc) {
   watched.timeout = value;
-  command.add_option("--timeout", watched.timeout, doc)
-      ->check(CLI::Range(0.0, 1e6))
+  takes_seconds(command.add_option("--timeout", watched.timeout, doc), 0.0, 1e6)
       ->option_text("SECONDS [" + std::to_string(static_cast<int>(value)) + "]");
 }
 

@@ -22,10 +22,10 @@ namespace cosegraph::recording {
 
 struct RecorderOptions {
   RecordingOptions file;
-  std::vector<std::string> topics;           // parts of names; empty: all
-  std::optional<std::chrono::seconds> last;  // only so much before the end, kept in memory
-  std::uint64_t memory = 256ULL << 20U;      // bytes that wait to be written
-  std::uint64_t ring_memory = 1ULL << 30U;   // bytes that `last` may take
+  std::vector<std::string> topics;                // parts of names; empty: all
+  std::optional<std::chrono::milliseconds> last;  // only so much before the end, kept in memory
+  std::uint64_t memory = 256ULL << 20U;           // bytes that wait to be written
+  std::uint64_t ring_memory = 1ULL << 30U;        // bytes that `last` may take
 };
 
 class Recorder {
