@@ -8,6 +8,9 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
+// Messages are written in batches: a thread that wakes up for each costs more than writing does.
+constexpr auto kBatchPeriod = 50ms;
+constexpr std::uint64_t kBatchBytes = 8U << 20U;
 constexpr auto kFlushPeriod = 1s;   // so much is lost if the recorder is killed
 constexpr auto kLastPatience = 2s;  // for messages still on their way at the end
 
@@ -83,10 +86,10 @@ void Recorder::receive(std::size_t topic, graph::Sample sample) {
     queued_bytes_ += size;
     ++progress_.messages;
     progress_.bytes += size;
+    if (queued_bytes_ > kBatchBytes) changed_.notify_all();
   } catch (const Error&) {
     return;  // a stranger's message
   }
-  changed_.notify_all();
 }
 
 void Recorder::work() {
@@ -95,8 +98,8 @@ void Recorder::work() {
   bool judged = false;  // at least once since the end began
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait_for(lock, kFlushPeriod,
-                      [&] { return stop_ || !queue_.empty() || ending_ != judged; });
+    changed_.wait_for(lock, kBatchPeriod,
+                      [&] { return stop_ || queued_bytes_ > kBatchBytes || ending_ != judged; });
     if (stop_ && queue_.empty()) return;
     std::deque<Entry> batch = std::exchange(queue_, {});
     const bool source_finished = source_finished_;
