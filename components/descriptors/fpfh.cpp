@@ -34,24 +34,6 @@ constexpr float kBorder[kMiddle][2] = {{0.9594929736F, 0.2817325568F},
                                        {-0.4154150130F, 0.9096319954F},
                                        {-0.8412535328F, 0.5406408175F}};
 
-template <class T>
-struct Vector {
-  T x;
-  T y;
-  T z;
-};
-
-// The sum is in the order of PCL's, so that what is equal there is equal here.
-template <class T>
-COSEGRAPH_INLINE T dot(const Vector<T>& a, const Vector<T>& b) {
-  return (a.x * b.x + a.z * b.z) + a.y * b.y;
-}
-
-template <class T>
-COSEGRAPH_INLINE Vector<T> cross(const Vector<T>& a, const Vector<T>& b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
 // The bin of a number within [-1, 1].
 template <class V>
 COSEGRAPH_INLINE Integers<V> bin_of(const V& v) {

@@ -97,10 +97,11 @@ std::vector<float> fpfh(const Surface& surface, std::span<const std::int32_t> ke
 }
 
 std::vector<float> shot(const Surface& surface, std::span<const std::int32_t> keypoint,
-                        double radius, int threads, Kernel) {
+                        double radius, int threads, Kernel kernel) {
   if (keypoint.empty()) return {};
   check(surface);
-  return pcl_shot(surface, keypoint, radius, threads);
+  if (kernel == Kernel::pcl) return pcl_shot(surface, keypoint, radius, threads);
+  return own_shot(surface, keypoint, radius, threads, best_instructions());
 }
 
 }  // namespace cosegraph::descriptors

@@ -245,22 +245,20 @@ void Grid::find(std::int32_t place, const Patch& patch, Instructions instruction
 #endif
     count = collect(patch, at(place), limit_, index, squared);
   neighbours.count = count;
-  for (int i = count; i < padded(count); ++i) {
-    index[i] = index[0];
-    squared[i] = squared[0];
-  }
+  std::fill(squared + count, squared + padded(count), 0.0F);
 }
 
 void gather(const Patch& patch, const Neighbours& neighbours, const PointNumbers& centre,
             Columns& result) {
-  const int count = padded(neighbours.count);
+  const int count = neighbours.count;
   const std::int32_t* index = neighbours.index.data();
   for (int c = 0; c < kColumns; ++c) {
-    if (result[c].size() < static_cast<std::size_t>(count)) result[c].resize(2 * count);
+    result[c].resize(padded(count));
     const float* from = patch.column[c].data();
     const float origin = c <= kZ ? centre[c] : 0.0F;
     float* to = result[c].data();
     for (int i = 0; i < count; ++i) to[i] = from[index[i]] - origin;
+    std::fill(to + count, to + padded(count), 0.0F);
   }
 }
 

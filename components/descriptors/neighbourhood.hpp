@@ -27,11 +27,11 @@ struct Patch {
 };
 
 // The points of a patch that are nearer to one of them than the radius, itself included, in the
-// patch's order. What is behind the first `count` is padding: copies of neighbour 0.
+// patch's order.
 struct Neighbours {
   int count = 0;
   std::vector<std::int32_t> index;  // in the patch
-  std::vector<float> squared;       // distance
+  std::vector<float> squared;       // distance; padded with 0
 };
 
 class Grid {
@@ -82,7 +82,7 @@ class Grid {
   std::vector<std::array<Run, kRuns>> runs_;  // places of the cells around each cell
 };
 
-// Numbers of the neighbours, padded like them, their positions relative to `centre`.
+// Numbers of the neighbours, their positions relative to `centre`; padded with 0.
 void gather(const Patch& patch, const Neighbours& neighbours, const PointNumbers& centre,
             Columns& result);
 

@@ -16,5 +16,7 @@ Instructions best_instructions();
 
 std::vector<float> own_fpfh(const Surface& surface, std::span<const std::int32_t> keypoint,
                             double radius, int threads, Instructions instructions);
+std::vector<float> own_shot(const Surface& surface, std::span<const std::int32_t> keypoint,
+                            double radius, int threads, Instructions instructions);
 
 }  // namespace cosegraph::descriptors

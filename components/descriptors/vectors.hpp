@@ -25,9 +25,29 @@ template <class V>
 constexpr int kWidth = sizeof(V) / sizeof(float);
 constexpr int kWidest = kWidth<Wide>;  // columns of numbers are padded to a multiple of it
 
+template <class T>
+struct Vector {
+  T x;
+  T y;
+  T z;
+};
+
+// The sum is in the order of PCL's, so that what is equal there is equal here.
+template <class T>
+COSEGRAPH_INLINE T dot(const Vector<T>& a, const Vector<T>& b) {
+  return (a.x * b.x + a.z * b.z) + a.y * b.y;
+}
+
+template <class T>
+COSEGRAPH_INLINE Vector<T> cross(const Vector<T>& a, const Vector<T>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
 constexpr int padded(int count) {
   return (count + kWidest - 1) / kWidest * kWidest;
 }
+
+using Doubles [[gnu::vector_size(32)]] = double;
 
 // Integers of the vector's width, as comparisons give them: -1 for true.
 template <class V>
