@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
+#include <memory>
 #include <numbers>
 
 #include "descriptors/neighbourhood.hpp"
@@ -140,8 +140,9 @@ const Kernels& kernels(Instructions instructions) {
   return kBaseline;
 }
 
+// The first bin if the value is NaN.
 int careful_bin(double value) {
-  return static_cast<int>(std::clamp(std::floor(kBins * value), 0.0, kBins - 1.0));
+  return static_cast<int>(std::fmin(std::fmax(std::floor(kBins * value), 0.0), kBins - 1.0));
 }
 
 // Step by step as PCL does it, so that rounding decides alike.
@@ -214,10 +215,12 @@ Counts count(std::span<const std::int32_t> codes) {
 // Writes a simple histogram to the target's row.
 class SimpleHistograms {
  public:
-  SimpleHistograms(const Grid& grid, Instructions instructions, std::span<float> rows)
+  SimpleHistograms(const Grid& grid, Instructions instructions, float* rows)
       : grid_(grid), kernels_(kernels(instructions)), rows_(rows) {}
 
   void operator()(const Grid::Target& target, const Patch& patch, const Neighbours& neighbours) {
+    float* row = rows_ + static_cast<std::ptrdiff_t>(target.row) * kRow;
+    std::fill_n(row, kRow, 0.0F);
     if (neighbours.count < 2) return;  // the point itself
     const PointNumbers centre = grid_.at(target.place);
     gather(patch, neighbours, centre, columns_);
@@ -227,7 +230,6 @@ class SimpleHistograms {
     resolve_doubts(centre, columns_, codes);
     Counts counts = count(codes);
     for (int part = 0; part < 3; ++part) --counts[part * kBins + kMiddle];  // with itself
-    float* row = rows_.data() + static_cast<std::ptrdiff_t>(target.row) * kRow;
     const float share = 100.0F / static_cast<float>(neighbours.count - 1);
     for (int bin = 0; bin < kFpfhSize; ++bin) row[bin] = share * static_cast<float>(counts[bin]);
   }
@@ -235,7 +237,7 @@ class SimpleHistograms {
  private:
   const Grid& grid_;
   const Kernels& kernels_;
-  std::span<float> rows_;
+  float* rows_;
   Columns columns_;
   std::vector<std::int32_t> codes_;
 };
@@ -243,7 +245,7 @@ class SimpleHistograms {
 // Writes the weighted means of simple histograms, which stand by place, to the target's row.
 class WeightedMeans {
  public:
-  WeightedMeans(Instructions instructions, std::span<const float> simple, std::span<float> rows)
+  WeightedMeans(Instructions instructions, const float* simple, std::span<float> rows)
       : kernels_(kernels(instructions)), simple_(simple), rows_(rows) {}
 
   void operator()(const Grid::Target& target, const Patch& patch, const Neighbours& neighbours) {
@@ -256,7 +258,7 @@ class WeightedMeans {
       weight_[i] = squared == 0.0F ? 0.0F : 1.0F / squared;
     }
     float sum[kRow];
-    kernels_.weighted_sum(place_.data(), weight_.data(), count, simple_.data(), sum);
+    kernels_.weighted_sum(place_.data(), weight_.data(), count, simple_, sum);
     float* row = rows_.data() + static_cast<std::ptrdiff_t>(target.row) * kFpfhSize;
     for (int part = 0; part < kFpfhSize; part += kBins) {
       double total = 0.0;
@@ -269,7 +271,7 @@ class WeightedMeans {
 
  private:
   const Kernels& kernels_;
-  std::span<const float> simple_;
+  const float* simple_;
   std::span<float> rows_;
   std::vector<std::int32_t> place_;
   std::vector<float> weight_;
@@ -299,12 +301,13 @@ std::vector<float> own_fpfh(const Surface& surface, std::span<const std::int32_t
   const std::vector<Grid::Target> sources = targets.size() < grid.size()
                                                 ? near_targets(grid, targets, threads, instructions)
                                                 : grid.all();
-  std::vector<float> simple(grid.size() * kRow, 0.0F);
+  // By place; only those of the sources are written, and read.
+  const auto simple = std::make_unique_for_overwrite<float[]>(grid.size() * kRow);
   grid.for_each(sources, threads, instructions,
-                [&] { return SimpleHistograms(grid, instructions, simple); });
+                [&] { return SimpleHistograms(grid, instructions, simple.get()); });
   std::vector<float> rows(keypoint.size() * kFpfhSize);
   grid.for_each(targets, threads, instructions,
-                [&] { return WeightedMeans(instructions, simple, rows); });
+                [&] { return WeightedMeans(instructions, simple.get(), rows); });
   return rows;
 }
 

@@ -91,6 +91,12 @@ Cloud rod(int count) {
   return cloud;
 }
 
+Cloud repeated(int count) {
+  Cloud cloud;
+  for (int i = 0; i < count; ++i) add(cloud, {0.1, 0.2, 0.3}, {0.6, 0.0, 0.8});
+  return cloud;
+}
+
 Cloud scaled(Cloud cloud, float factor) {
   for (float& value : cloud.xyz) value *= factor;
   return cloud;
@@ -157,7 +163,8 @@ std::vector<Case> cases() {
           {"sheet", sheet(20), 0.053, true},
           {"turned sheet", test::moved(sheet(20), 5), 0.053, true},
           {"rod", rod(100), 0.053, true},
-          {"two points", rod(2), 0.053}};
+          {"two points", rod(2), 0.053},
+          {"one point, often", repeated(20), 0.053}};
 }
 
 TEST(OwnFpfh, AgreesWithPcl) {
