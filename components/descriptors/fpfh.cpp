@@ -133,7 +133,7 @@ constexpr Kernels kAvx2{
         COSEGRAPH_AVX2 { weighted_sum_all<Wide>(place, weight, count, rows, result); }};
 #endif
 
-const Kernels& kernels(Instructions instructions) {
+const Kernels& kernels([[maybe_unused]] Instructions instructions) {
 #ifdef COSEGRAPH_AVX2
   if (instructions == Instructions::avx2) return kAvx2;
 #endif

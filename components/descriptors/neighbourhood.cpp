@@ -228,7 +228,7 @@ void Grid::copy(std::int32_t cell, Patch& patch) const {
                   std::numeric_limits<float>::quiet_NaN());
 }
 
-void Grid::find(std::int32_t place, const Patch& patch, Instructions instructions,
+void Grid::find(std::int32_t place, const Patch& patch, [[maybe_unused]] Instructions instructions,
                 Neighbours& neighbours) const {
   const std::size_t room = patch.place.size() + kWidest;
   if (neighbours.index.size() < room) {

@@ -253,7 +253,7 @@ constexpr Kernels kAvx2{
         COSEGRAPH_AVX2 { votes_all<Wide>(columns, distance, count, frame, shells, votes); }};
 #endif
 
-const Kernels& kernels(Instructions instructions) {
+const Kernels& kernels([[maybe_unused]] Instructions instructions) {
 #ifdef COSEGRAPH_AVX2
   if (instructions == Instructions::avx2) return kAvx2;
 #endif
