@@ -1,10 +1,9 @@
 // SHOT in two steps. The neighbours' weighted scatter, its signs settled by where most of them lie,
 // gives the keypoint a frame. A grid of 8 sectors, 2 heights and 2 distances in that frame holds
 // histograms of the angle between the neighbours' normals and the frame's third axis; a neighbour
-// is shared with the next cell along each of the four.
-//
-// PCL's formulas are symmetric in more than its code shows: a share is a distance from the middle
-// of a cell, within +-0.5, whichever cell it is.
+// is shared with the next along each of the four. What the next gets is how far the neighbour is
+// from the middle of its cell, and its own what is left of 4: PCL's formulas, case by case, come
+// down to that.
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
@@ -96,10 +95,8 @@ COSEGRAPH_INLINE std::array<int, 2> in_front_all(const Columns& columns, int cou
     ahead -= x * first.x + y * first.y + z * first.z >= 0.0;
     above -= x * third.x + y * third.y + z * third.z >= 0.0;
   }
-  const auto total = [](const Integers<Doubles>& v) {
-    return static_cast<int>(v[0] + v[1] + v[2] + v[3]);
-  };
-  return {total(ahead), total(above)};
+  return {static_cast<int>(ahead[0] + ahead[1] + ahead[2] + ahead[3]),
+          static_cast<int>(above[0] + above[1] + above[2] + above[3])};
 }
 
 // Polynomials in v^2, near the best in absolute error (1e-7).
@@ -148,21 +145,25 @@ struct Shells {
   }
 };
 
+template <class V>
+COSEGRAPH_INLINE Vector<V> spread(const Vector<float>& v) {
+  return {V{} + v.x, V{} + v.y, V{} + v.z};
+}
+
+template <class V>
+COSEGRAPH_INLINE V coordinate(const Vector<V>& position, const Vector<V>& axis) {
+  const V value = dot(position, axis);
+  return magnitude(value) < kNegligible ? V{} : value;
+}
+
 // The votes of every neighbour.
 template <class V>
 COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* distances, int count,
                                 const Frame& frame, const Shells& shells, Votes& votes) {
   using Ints = Integers<V>;
-  const auto spread = [](const Vector<float>& axis) {
-    return Vector<V>{V{} + axis.x, V{} + axis.y, V{} + axis.z};
-  };
-  const Vector<V> first = spread(frame[0]);
-  const Vector<V> second = spread(frame[1]);
-  const Vector<V> third = spread(frame[2]);
-  const auto coordinate = [](const Vector<V>& position, const Vector<V>& axis) {
-    const V value = dot(position, axis);
-    return magnitude(value) < kNegligible ? V{} : value;
-  };
+  const Vector<V> first = spread<V>(frame[0]);
+  const Vector<V> second = spread<V>(frame[1]);
+  const Vector<V> third = spread<V>(frame[2]);
   for (int i = 0; i < count; i += kWidth<V>) {
     const Vector<V> position{load<V>(&columns[kX][i]), load<V>(&columns[kY][i]),
                              load<V>(&columns[kZ][i])};
@@ -353,12 +354,10 @@ class Signatures {
   }
 
   static void normalise(std::span<float> row) {
-    Doubles sum = {};
-    for (int i = 0; i < kShotSize; i += kDoubles) {
-      const Doubles value = load_doubles(&row[i]);
-      sum += value * value;
-    }
-    const auto length = static_cast<float>(std::sqrt(sum_of(sum)));
+    double sum[kDoubles] = {};
+    for (int i = 0; i < kShotSize; i += kDoubles)
+      for (int k = 0; k < kDoubles; ++k) sum[k] += static_cast<double>(row[i + k]) * row[i + k];
+    const auto length = static_cast<float>(std::sqrt((sum[0] + sum[1]) + (sum[2] + sum[3])));
     for (float& value : row) value /= length;
   }
 

@@ -13,7 +13,8 @@
 #endif
 #define COSEGRAPH_INLINE __attribute__((always_inline)) inline
 
-// Functions that return vectors are inlined: how they would be passed does not matter.
+// Functions that return vectors are inlined, always: called by a function that may use AVX2, one
+// that may not would return them elsewhere.
 #pragma GCC diagnostic ignored "-Wpsabi"
 
 namespace cosegraph::descriptors {
