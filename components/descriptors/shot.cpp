@@ -16,10 +16,6 @@
 #include "descriptors/own.hpp"
 #include "descriptors/vectors.hpp"
 
-#ifdef COSEGRAPH_AVX2
-#include <immintrin.h>
-#endif
-
 namespace cosegraph::descriptors {
 namespace {
 
@@ -48,16 +44,28 @@ struct Votes {
   std::array<std::vector<float>, kVotes> weight;
 };
 
+COSEGRAPH_INLINE Doubles doubles(const Narrow& v) {
+  return __builtin_convertvector(v, Doubles);
+}
+
 COSEGRAPH_INLINE Doubles load_doubles(const float* from) {
-  return __builtin_convertvector(load<Narrow>(from), Doubles);
+  return doubles(load<Narrow>(from));
+}
+
+// Relative error below 1e-12: a float's root with a correction.
+COSEGRAPH_INLINE Doubles precise_root(const Narrow& squared) {
+  const Narrow inverse = inverse_root(squared);
+  const Doubles guess = doubles(squared * inverse);
+  return guess + (doubles(squared) - guess * guess) * (0.5 * doubles(inverse));
 }
 
 COSEGRAPH_INLINE double sum_of(const Doubles& v) {
   return (v[0] + v[1]) + (v[2] + v[3]);
 }
 
-// Weights are `radius` - distance; who is at the centre adds nothing.
-COSEGRAPH_INLINE Scatter scatter_all(const Columns& columns, const float* distance, int count,
+// Weights are `radius` - distance; who is at the centre adds nothing. A flat patch's sides are told
+// apart by the last bits of its frame, so that the weights need more than a float's precision.
+COSEGRAPH_INLINE Scatter scatter_all(const Columns& columns, const float* squared, int count,
                                      double radius) {
   Doubles xx = {};
   Doubles xy = {};
@@ -69,7 +77,7 @@ COSEGRAPH_INLINE Scatter scatter_all(const Columns& columns, const float* distan
     const Doubles x = load_doubles(&columns[kX][i]);
     const Doubles y = load_doubles(&columns[kY][i]);
     const Doubles z = load_doubles(&columns[kZ][i]);
-    const Doubles weight = radius - load_doubles(distance + i);
+    const Doubles weight = radius - precise_root(load<Narrow>(squared + i));
     const Doubles wx = weight * x;
     const Doubles wy = weight * y;
     xx += wx * x;
@@ -136,12 +144,13 @@ COSEGRAPH_INLINE V share_from(const V& v) {
 
 // What a radius says to a kernel.
 struct Shells {
-  float half;     // distances above it are outside
-  float inverse;  // of half the radius
+  float half_squared;  // squared distances above it are outside
+  float inverse;       // of half the radius
 
-  explicit Shells(double radius)
-      : half(static_cast<float>(0.5 * radius)), inverse(static_cast<float>(2.0 / radius)) {
-    if (half > 0.5 * radius) half = std::nextafter(half, 0.0F);
+  explicit Shells(double radius) : inverse(static_cast<float>(2.0 / radius)) {
+    half_squared = static_cast<float>(0.25 * radius * radius);
+    while (std::sqrt(static_cast<double>(half_squared)) > 0.5 * radius)
+      half_squared = std::nextafter(half_squared, 0.0F);
   }
 };
 
@@ -158,7 +167,7 @@ COSEGRAPH_INLINE V coordinate(const Vector<V>& position, const Vector<V>& axis) 
 
 // The votes of every neighbour.
 template <class V>
-COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* distances, int count,
+COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* squared, int count,
                                 const Frame& frame, const Shells& shells, Votes& votes) {
   using Ints = Integers<V>;
   const Vector<V> first = spread<V>(frame[0]);
@@ -169,7 +178,8 @@ COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* distances, 
                              load<V>(&columns[kZ][i])};
     const Vector<V> normal{load<V>(&columns[kNormalX][i]), load<V>(&columns[kNormalY][i]),
                            load<V>(&columns[kNormalZ][i])};
-    const V distance = load<V>(distances + i);
+    const V square = load<V>(squared + i);
+    const V distance = square_root(square);
     const V x = coordinate(position, first);
     const V y = coordinate(position, second);
     const V z = coordinate(position, third);
@@ -190,7 +200,7 @@ COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* distances, 
                         (4.0F / std::numbers::pi_v<float>);
     const V turn = bounded(odd ? 0.5F - from_axis : from_axis - 0.5F, -0.5F, 0.5F);
 
-    const Ints outside = distance > shells.half;
+    const Ints outside = square > shells.half_squared;
     const V shell = distance * shells.inverse - (outside ? V{} + 1.5F : V{} + 0.5F);
     const V steepness = bounded(magnitude(z) / distance, 0.0F, 1.0F);
     const V tilt = 0.5F - arc_sine(steepness) * (2.0F / std::numbers::pi_v<float>);
@@ -226,32 +236,32 @@ COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* distances, 
 }
 
 struct Kernels {
-  Scatter (*scatter)(const Columns& columns, const float* distance, int count, double radius);
+  Scatter (*scatter)(const Columns& columns, const float* squared, int count, double radius);
   std::array<int, 2> (*in_front)(const Columns& columns, int count, const Vector<double>& first,
                                  const Vector<double>& third);
-  void (*votes)(const Columns& columns, const float* distance, int count, const Frame& frame,
+  void (*votes)(const Columns& columns, const float* squared, int count, const Frame& frame,
                 const Shells& shells, Votes& votes);
 };
 
 constexpr Kernels kBaseline{
-    [](const Columns& columns, const float* distance, int count, double radius) {
-      return scatter_all(columns, distance, count, radius);
+    [](const Columns& columns, const float* squared, int count, double radius) {
+      return scatter_all(columns, squared, count, radius);
     },
     [](const Columns& columns, int count, const Vector<double>& first,
        const Vector<double>& third) { return in_front_all(columns, count, first, third); },
-    [](const Columns& columns, const float* distance, int count, const Frame& frame,
+    [](const Columns& columns, const float* squared, int count, const Frame& frame,
        const Shells& shells,
-       Votes& votes) { votes_all<Narrow>(columns, distance, count, frame, shells, votes); }};
+       Votes& votes) { votes_all<Narrow>(columns, squared, count, frame, shells, votes); }};
 
 #ifdef COSEGRAPH_AVX2
 constexpr Kernels kAvx2{
-    [](const Columns& columns, const float* distance, int count, double radius)
-        COSEGRAPH_AVX2 { return scatter_all(columns, distance, count, radius); },
+    [](const Columns& columns, const float* squared, int count, double radius)
+        COSEGRAPH_AVX2 { return scatter_all(columns, squared, count, radius); },
     [](const Columns& columns, int count, const Vector<double>& first, const Vector<double>& third)
         COSEGRAPH_AVX2 { return in_front_all(columns, count, first, third); },
-    [](const Columns& columns, const float* distance, int count, const Frame& frame,
+    [](const Columns& columns, const float* squared, int count, const Frame& frame,
        const Shells& shells, Votes& votes)
-        COSEGRAPH_AVX2 { votes_all<Wide>(columns, distance, count, frame, shells, votes); }};
+        COSEGRAPH_AVX2 { votes_all<Wide>(columns, squared, count, frame, shells, votes); }};
 #endif
 
 const Kernels& kernels([[maybe_unused]] Instructions instructions) {
@@ -259,17 +269,6 @@ const Kernels& kernels([[maybe_unused]] Instructions instructions) {
   if (instructions == Instructions::avx2) return kAvx2;
 #endif
   return kBaseline;
-}
-
-// Correctly rounded: which shell a neighbour is in depends on it.
-void square_roots(const float* from, int count, float* to) {
-  for (int i = 0; i < count; i += kWidth<Narrow>) {
-#ifdef COSEGRAPH_AVX2
-    _mm_storeu_ps(to + i, _mm_sqrt_ps(_mm_loadu_ps(from + i)));
-#else
-    for (int lane = 0; lane < kWidth<Narrow>; ++lane) to[i + lane] = std::sqrt(from[i + lane]);
-#endif
-  }
 }
 
 class Signatures {
@@ -284,8 +283,6 @@ class Signatures {
   void operator()(const Grid::Target& target, const Patch& patch, const Neighbours& neighbours) {
     gather(patch, neighbours, grid_.at(target.place), columns_);
     const int count = padded(neighbours.count);
-    distance_.resize(count);
-    square_roots(neighbours.squared.data(), count, distance_.data());
     const auto row = rows_.subspan(static_cast<std::size_t>(target.row) * kShotSize, kShotSize);
     Frame frame;
     if (!find_frame(patch, neighbours, frame)) {
@@ -294,7 +291,7 @@ class Signatures {
     }
     for (auto& bin : votes_.bin) bin.resize(count);
     for (auto& weight : votes_.weight) weight.resize(count);
-    kernels_.votes(columns_, distance_.data(), count, frame, shells_, votes_);
+    kernels_.votes(columns_, neighbours.squared.data(), count, frame, shells_, votes_);
     std::ranges::fill(row, 0.0F);
     for (int i = 0; i < neighbours.count; ++i)
       for (int k = 0; k < kVotes; ++k) row[votes_.bin[k][i]] += votes_.weight[k][i];
@@ -308,7 +305,7 @@ class Signatures {
     int apart = 0;
     for (int i = 0; i < count; ++i) apart += is_apart(i) ? 1 : 0;
     if (apart < kFewest) return false;
-    const Scatter s = kernels_.scatter(columns_, distance_.data(), count, radius_);
+    const Scatter s = kernels_.scatter(columns_, neighbours.squared.data(), count, radius_);
     Eigen::Matrix3d matrix;
     matrix << s.xx, s.xy, s.xz, s.xy, s.yy, s.yz, s.xz, s.yz, s.zz;
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(matrix);
@@ -367,7 +364,6 @@ class Signatures {
   const Kernels& kernels_;
   std::span<float> rows_;
   Columns columns_;
-  std::vector<float> distance_;
   Votes votes_;
 };
 

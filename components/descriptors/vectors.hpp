@@ -103,4 +103,12 @@ COSEGRAPH_INLINE V inverse_root(const V& v) {
   return y * (1.5F - (half * y) * y);
 }
 
+// Relative error below 2e-7; 0 for 0.
+template <class V>
+COSEGRAPH_INLINE V square_root(const V& v) {
+  const V inverse = inverse_root(v);
+  const V guess = v * inverse;
+  return guess + (v - guess * guess) * (0.5F * inverse);
+}
+
 }  // namespace cosegraph::descriptors
