@@ -34,20 +34,29 @@ constexpr float kBorder[kMiddle][2] = {{0.9594929736F, 0.2817325568F},
                                        {-0.4154150130F, 0.9096319954F},
                                        {-0.8412535328F, 0.5406408175F}};
 
-// The bin of a number within [-1, 1].
+// The bin of a number within [-1, 1]. `doubt` is set where rounding may decide about it.
 template <class V>
-COSEGRAPH_INLINE Integers<V> bin_of(const V& v) {
-  return __builtin_convertvector(bounded((v + 1.0F) * (0.5F * kBins), 0.0F, kBins - 1.0F),
-                                 Integers<V>);
+COSEGRAPH_INLINE Integers<V> bin_of(const V& v, Integers<V>& doubt) {
+  constexpr float kMargin = 1e-5F;
+  // The range ends within bins: its ends are no borders.
+  const V scaled = bounded((v + 1.0F) * (0.5F * kBins), 2.0F * kMargin, kBins - 0.5F);
+  const Integers<V> bin = __builtin_convertvector(scaled, Integers<V>);
+  const V within = scaled - __builtin_convertvector(bin, V);
+  doubt |= magnitude(within - 0.5F) > 0.5F - kMargin;
+  return bin;
 }
 
-// The bin of the angle of (x, y).
+// The bin of the angle of (x, y), likewise.
 template <class V>
-COSEGRAPH_INLINE Integers<V> bin_of_angle(const V& x, const V& y) {
+COSEGRAPH_INLINE Integers<V> bin_of_angle(const V& x, const V& y, Integers<V>& doubt) {
   const V height = magnitude(y);
   Integers<V> passed = {};
 #pragma GCC unroll 5
-  for (const auto& [cosine, sine] : kBorder) passed -= height * cosine >= x * sine;
+  for (const auto& [cosine, sine] : kBorder) {
+    const V beyond = height * cosine - x * sine;
+    passed -= beyond >= 0.0F;
+    doubt |= magnitude(beyond) < 2e-6F;
+  }
   return kMiddle + (y < 0.0F ? -passed : passed);
 }
 
@@ -78,8 +87,10 @@ COSEGRAPH_INLINE void codes_all(const PointNumbers& centre, const Columns& colum
     const V inverse = inverse_root(across);
     const V x = dot(source, target);
     const V y = dot(w, target) * inverse;
-    const Integers<V> pair =
-        bin_of_angle(x, y) | bin_of(dot(v, target) * inverse) << 8 | bin_of(leans * near) << 16;
+    Integers<V> border = {};
+    Integers<V> pair = bin_of_angle(x, y, border);
+    pair |= bin_of(dot(v, target) * inverse, border) << 8;
+    pair |= bin_of(leans * near, border) << 16;
 
     const V n_tilt = magnitude(n_leans * near);
     const V m_tilt = magnitude(m_leans * near);
@@ -89,7 +100,7 @@ COSEGRAPH_INLINE void codes_all(const PointNumbers& centre, const Columns& colum
                      ((n_tilt > 0.08F) | (x < 0.9F)) & ((n.x != m.x) | (n.y != m.y) | (n.z != m.z));
     const auto upright = m_tilt > 1.0F - 1e-6F;
     const auto opposite = (magnitude(y) < 1e-6F) & (x < 0.0F);
-    const Integers<V> doubt = (tie | upright | opposite) & kDoubtful;
+    const Integers<V> doubt = (border | tie | upright | opposite) & kDoubtful;
     const auto degenerate = (squared <= 0.0F) | (across <= 0.0F);
     const Integers<V> result =
         degenerate ? Integers<V>{} + code(kMiddle, kMiddle, kMiddle) : pair | doubt;
