@@ -165,6 +165,20 @@ COSEGRAPH_INLINE V coordinate(const Vector<V>& position, const Vector<V>& axis) 
   return magnitude(value) < kNegligible ? V{} : value;
 }
 
+// The bin that 5 (1 + cosine) is nearest to, and how far above its middle that is. The product is
+// kept with its rounding error, so that no bin differs from that of double precision.
+template <class V>
+COSEGRAPH_INLINE void place_cosine(const V& cosine, Integers<V>& step, V& lean) {
+  constexpr float kZero = 0.5F * (kCosines - 1);  // bin of cosine 0
+  const V four = 4.0F * cosine;
+  const V five = four + cosine;
+  const V error = cosine - (five - four);
+  step = __builtin_convertvector(five + (kZero + 0.5F), Integers<V>);
+  const V rest = five - (__builtin_convertvector(step, V) - kZero);
+  step -= ((rest - 0.5F) + error >= 0.0F) - ((rest + 0.5F) + error < 0.0F);
+  lean = (five - (__builtin_convertvector(step, V) - kZero)) + error;
+}
+
 // The votes of every neighbour.
 template <class V>
 COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* squared, int count,
@@ -206,9 +220,9 @@ COSEGRAPH_INLINE void votes_all(const Columns& columns, const float* squared, in
     const V tilt = 0.5F - arc_sine(steepness) * (2.0F / std::numbers::pi_v<float>);
 
     const V cosine = bounded(dot(normal, third), -1.0F, 1.0F);
-    const V scaled = (1.0F + cosine) * (0.5F * (kCosines - 1));
-    const Ints step = __builtin_convertvector(scaled + 0.5F, Ints);
-    const V lean = scaled - __builtin_convertvector(step, V);
+    Ints step;
+    V lean;
+    place_cosine(cosine, step, lean);
     // As in PCL: the bin after 9 is 0.
     const Ints after = step >= kCosines - 2 ? Ints{} + (step - (kCosines - 2)) : step + 1;
     const Ints before = step > 0 ? step - 1 : Ints{} + (kCosines - 2);
