@@ -170,8 +170,8 @@ std::vector<Case> cases() {
 TEST(OwnFpfh, AgreesWithPcl) {
   for (const auto& [name, cloud, radius, symmetric] : cases()) {
     const Deviation found = fpfh_deviation(cloud, all_of(cloud), radius);
-    EXPECT_LE(found.bins, 1e-3) << name;
-    EXPECT_LE(found.mean, 1e-4) << name;
+    EXPECT_LE(found.bins, 1e-4) << name;
+    EXPECT_LE(found.mean, 1e-5) << name;
     EXPECT_LE(found.worst, 0.02) << name;
   }
 }
@@ -180,16 +180,16 @@ TEST(OwnFpfh, AgreesWithPclOnTheBunny) {
   COSEGRAPH_NEEDS_DATA("pcl/bun0.pcd");
   const Cloud bunny = io::read_cloud(test::data_folder() / "pcl/bun0.pcd");
   const Deviation found = fpfh_deviation(bunny, all_of(bunny), 0.03);
-  EXPECT_LE(found.bins, 1e-3);
-  EXPECT_LE(found.mean, 1e-4);
+  EXPECT_LE(found.bins, 1e-4);
+  EXPECT_LE(found.mean, 1e-5);
 }
 
 TEST(OwnShot, AgreesWithPclOnTheBunny) {
   COSEGRAPH_NEEDS_DATA("pcl/bun0.pcd");
   const Cloud bunny = io::read_cloud(test::data_folder() / "pcl/bun0.pcd");
   const Deviation found = shot_deviation(bunny, all_of(bunny), 0.03);
-  EXPECT_LE(found.bins, 1e-3);
-  EXPECT_LE(found.mean, 1e-4);
+  EXPECT_LE(found.bins, 1e-4);
+  EXPECT_LE(found.mean, 1e-5);
 }
 
 TEST(OwnFpfh, OfSomeKeypointsIsThatOfAll) {
@@ -208,8 +208,8 @@ TEST(OwnShot, AgreesWithPcl) {
   for (const auto& [name, cloud, radius, symmetric] : cases()) {
     const Deviation found = shot_deviation(cloud, all_of(cloud), radius);
     if (symmetric) continue;
-    EXPECT_LE(found.bins, 1e-3) << name;
-    EXPECT_LE(found.mean, 1e-4) << name;
+    EXPECT_LE(found.bins, 1e-4) << name;
+    EXPECT_LE(found.mean, 1e-5) << name;
     EXPECT_LE(found.worst, 0.02) << name;
   }
 }
