@@ -123,23 +123,26 @@ Indices choose_keypoints(const Cloud& cloud, double spacing) {
 }
 
 std::vector<float> local_rows(const Cloud& cloud, const Channel& channel, const Indices& keypoint,
-                              int threads) {
+                              const Params& params) {
   const Surface surface{cloud.xyz, cloud.normal};
   const double radius = channel.radius * cloud.scale;
   check_neighbourhoods(cloud, radius);
-  if (channel.kind == Kind::fpfh) return fpfh(surface, keypoint, radius, threads);
-  if (channel.kind == Kind::shot) return shot(surface, keypoint, radius, threads);
+  if (channel.kind == Kind::fpfh)
+    return fpfh(surface, keypoint, radius, params.threads, params.kernel);
+  if (channel.kind == Kind::shot)
+    return shot(surface, keypoint, radius, params.threads, params.kernel);
   return {};
 }
 
 // Row after row the local descriptor and, if wanted, the place; rows that are not finite go.
 DescriptorChannel compute_channel(const Cloud& cloud, const Channel& channel,
-                                  const std::vector<float>& places, int threads) {
+                                  const std::vector<float>& places, const Params& params) {
   DescriptorChannel result{.name = to_text(channel), .dimension = dimension(channel)};
   const Indices keypoint = choose_keypoints(cloud, channel.spacing * cloud.scale);
-  const std::vector<float> rows = local_rows(cloud, channel, keypoint, threads);
+  const std::vector<float> rows = local_rows(cloud, channel, keypoint, params);
   const std::size_t width = rows.size() / keypoint.size();
   const bool append_place = channel.with_place || channel.kind == Kind::place;
+  result.value.reserve(keypoint.size() * result.dimension);
   for (std::size_t k = 0; k < keypoint.size(); ++k) {
     const std::span row = std::span(rows).subspan(k * width, width);
     if (!std::ranges::all_of(row, [](float value) { return std::isfinite(value); })) continue;
@@ -181,6 +184,8 @@ Fields describe(Params& params) {
                  [](const std::string& text) { parse_channel(text); }),
       integer_field("threads", params.threads, 0, 1024, "",
                     "Threads of the computation; 0: all cores."),
+      choice_field("kernel", params.kernel,
+                   "What computes FPFH and SHOT; results are the same within rounding."),
   };
 }
 
@@ -215,7 +220,7 @@ Descriptors compute(const Cloud& cloud, const Params& params) {
   if (std::ranges::any_of(channels, uses_place)) places = place(cloud.xyz, cloud.scale);
   Descriptors descriptors{.recipe = recipe_of(params)};
   for (const Channel& channel : channels)
-    descriptors.channels.push_back(compute_channel(cloud, channel, places, params.threads));
+    descriptors.channels.push_back(compute_channel(cloud, channel, places, params));
   return descriptors;
 }
 

@@ -2,7 +2,8 @@
 // Salti, Di Stefano, ECCV 2010; 352 numbers), and two numbers of a point's place in the whole
 // (mean graph-geodesic distance to all others, distance to the centroid).
 //
-// FPFH and SHOT are PCL's. The mean geodesic distance is taken over 30 spread sources.
+// FPFH and SHOT are PCL's definitions, by kernels of our own or PCL's. The mean geodesic distance
+// is taken over 30 spread sources.
 #pragma once
 
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "core/fields.hpp"
 #include "core/values.hpp"
+#include "descriptors/local.hpp"
 
 namespace cosegraph::descriptors {
 
@@ -38,10 +40,11 @@ Channel parse_channel(std::string_view text);
 
 struct Params {
   std::vector<std::string> channels = {"fpfh:0.08"};
-  int threads = 0;  // 0: all cores; not part of the recipe. Results do not depend on it
+  int threads = 0;              // 0: all cores; not part of the recipe. Results do not depend on it
+  Kernel kernel = Kernel::own;  // of FPFH and SHOT; not part of the recipe
 };
 
-// Every field; the recipe of the messages leaves `threads` out (see recipe_of).
+// Every field; the recipe of the messages leaves `threads` and `kernel` out (see recipe_of).
 Fields describe(Params& params);
 // With the canonical text of the channels, so that "shot:0.13" and "shot:0.13:0.02" agree.
 std::string recipe_of(const Params& params);

@@ -11,6 +11,7 @@
 
 #include "core/error.hpp"
 #include "core/nearest.hpp"
+#include "descriptors/own.hpp"
 #include "pcl_console/pcl_console.hpp"
 
 namespace cosegraph::descriptors {
@@ -19,10 +20,13 @@ namespace {
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 using Normals = pcl::PointCloud<pcl::Normal>;
 
-// Throws InputError for numbers that are not finite, or so large that FLANN's sums of them are not.
-Points::Ptr points_of(std::span<const float> xyz) {
-  if (!std::ranges::all_of(xyz, NearestNeighbours::takes))
+// Numbers are finite, and not so large that FLANN's sums of their squares are not.
+void check(const Surface& surface) {
+  if (!std::ranges::all_of(surface.xyz, NearestNeighbours::takes))
     throw InputError("a point is not finite, or too far out");
+}
+
+Points::Ptr points_of(std::span<const float> xyz) {
   Points::Ptr points(new Points);
   points->reserve(xyz.size() / 3);
   for (std::size_t i = 0; i < xyz.size(); i += 3)
@@ -43,7 +47,6 @@ pcl::PointCloud<Signature> estimated(Estimation& estimation, const Surface& surf
                                      std::span<const std::int32_t> keypoint, double radius) {
   silence_pcl();
   pcl::PointCloud<Signature> signatures;
-  if (keypoint.empty()) return signatures;
   estimation.setInputCloud(points_of(surface.xyz));
   estimation.setInputNormals(normals_of(surface.normal));
   estimation.setIndices(pcl::IndicesPtr(new pcl::Indices(keypoint.begin(), keypoint.end())));
@@ -54,10 +57,8 @@ pcl::PointCloud<Signature> estimated(Estimation& estimation, const Surface& surf
   return signatures;
 }
 
-}  // namespace
-
-std::vector<float> fpfh(const Surface& surface, std::span<const std::int32_t> keypoint,
-                        double radius, int threads) {
+std::vector<float> pcl_fpfh(const Surface& surface, std::span<const std::int32_t> keypoint,
+                            double radius, int threads) {
   using Signature = pcl::FPFHSignature33;
   pcl::FPFHEstimationOMP<pcl::PointXYZ, pcl::Normal, Signature> estimation(
       static_cast<unsigned>(threads));
@@ -73,8 +74,8 @@ std::vector<float> fpfh(const Surface& surface, std::span<const std::int32_t> ke
   return rows;
 }
 
-std::vector<float> shot(const Surface& surface, std::span<const std::int32_t> keypoint,
-                        double radius, int threads) {
+std::vector<float> pcl_shot(const Surface& surface, std::span<const std::int32_t> keypoint,
+                            double radius, int threads) {
   using Signature = pcl::SHOT352;
   pcl::SHOTEstimationOMP<pcl::PointXYZ, pcl::Normal, Signature> estimation(
       static_cast<unsigned>(threads));
@@ -85,4 +86,31 @@ std::vector<float> shot(const Surface& surface, std::span<const std::int32_t> ke
   return rows;
 }
 
+}  // namespace
+
+std::vector<float> fpfh(const Surface& surface, std::span<const std::int32_t> keypoint,
+                        double radius, int threads, Kernel kernel) {
+  if (keypoint.empty()) return {};
+  check(surface);
+  if (kernel == Kernel::pcl) return pcl_fpfh(surface, keypoint, radius, threads);
+  return own_fpfh(surface, keypoint, radius, threads, best_instructions());
+}
+
+std::vector<float> shot(const Surface& surface, std::span<const std::int32_t> keypoint,
+                        double radius, int threads, Kernel kernel) {
+  if (keypoint.empty()) return {};
+  check(surface);
+  if (kernel == Kernel::pcl) return pcl_shot(surface, keypoint, radius, threads);
+  return own_shot(surface, keypoint, radius, threads, best_instructions());
+}
+
 }  // namespace cosegraph::descriptors
+
+template <>
+cosegraph::Names<cosegraph::descriptors::Kernel>
+cosegraph::names<cosegraph::descriptors::Kernel>() {
+  using cosegraph::descriptors::Kernel;
+  static constexpr std::pair<Kernel, std::string_view> table[] = {{Kernel::own, "own"},
+                                                                  {Kernel::pcl, "pcl"}};
+  return table;
+}

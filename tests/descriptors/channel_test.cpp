@@ -67,7 +67,7 @@ TEST(ChannelDimension, CountsThePlace) {
 
 TEST(DescriptorRecipe, IsTheSameForTheSameDescriptors) {
   Params params{.channels = {"fpfh:0.080", "shot:0.13"}, .threads = 1};
-  Params same{.channels = {"fpfh:0.08:0", "shot:0.13:0.02"}, .threads = 2};
+  Params same{.channels = {"fpfh:0.08:0", "shot:0.13:0.02"}, .threads = 2, .kernel = Kernel::pcl};
   EXPECT_EQ(recipe_of(params), recipe_of(same));
   EXPECT_THAT(recipe_of(params), HasSubstr("fpfh:0.08,shot:0.13:0.02"));
   EXPECT_NE(recipe_of(params), recipe_of(Params{}));
@@ -76,6 +76,11 @@ TEST(DescriptorRecipe, IsTheSameForTheSameDescriptors) {
 TEST(KindNames, RoundTrip) {
   for (const Kind kind : {Kind::fpfh, Kind::shot, Kind::place})
     EXPECT_EQ(from_name<Kind>(to_name(kind)), kind);
+}
+
+TEST(KernelNames, RoundTrip) {
+  for (const Kernel kernel : {Kernel::own, Kernel::pcl})
+    EXPECT_EQ(from_name<Kernel>(to_name(kernel)), kernel);
 }
 
 }  // namespace

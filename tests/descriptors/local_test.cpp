@@ -108,9 +108,12 @@ TEST(LocalDescriptors, AreNotFiniteWherePointsHaveNoNeighbours) {
   const auto undescribed = [](const std::vector<float>& rows) {
     return std::ranges::all_of(rows, [](float value) { return std::isnan(value); });
   };
-  EXPECT_TRUE(undescribed(fpfh({egg.xyz, egg.normal}, Indices{3}, 1e-4, 1)));
-  EXPECT_TRUE(undescribed(shot({egg.xyz, egg.normal}, Indices{3}, 1e-4, 1)));
-  EXPECT_TRUE(fpfh({egg.xyz, egg.normal}, {}, 0.1, 1).empty());
+  for (const Kernel kernel : {Kernel::own, Kernel::pcl}) {
+    EXPECT_TRUE(undescribed(fpfh({egg.xyz, egg.normal}, Indices{3}, 1e-4, 1, kernel)));
+    EXPECT_TRUE(undescribed(shot({egg.xyz, egg.normal}, Indices{3}, 1e-4, 1, kernel)));
+    EXPECT_TRUE(fpfh({egg.xyz, egg.normal}, {}, 0.1, 1, kernel).empty());
+    EXPECT_TRUE(shot({egg.xyz, egg.normal}, {}, 0.1, 1, kernel).empty());
+  }
 }
 
 TEST(LocalDescriptors, RefusePointsWithWhichNothingCanBeComputed) {
@@ -118,8 +121,10 @@ TEST(LocalDescriptors, RefusePointsWithWhichNothingCanBeComputed) {
        {3e38F, -std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
     Cloud egg = test::bumpy_egg(200);
     egg.xyz[7] = x;
-    EXPECT_THROW(fpfh({egg.xyz, egg.normal}, Indices{3}, 0.1, 1), InputError) << x;
-    EXPECT_THROW(shot({egg.xyz, egg.normal}, Indices{3}, 0.1, 1), InputError) << x;
+    for (const Kernel kernel : {Kernel::own, Kernel::pcl}) {
+      EXPECT_THROW(fpfh({egg.xyz, egg.normal}, Indices{3}, 0.1, 1, kernel), InputError) << x;
+      EXPECT_THROW(shot({egg.xyz, egg.normal}, Indices{3}, 0.1, 1, kernel), InputError) << x;
+    }
   }
 }
 

@@ -46,13 +46,14 @@ std::string program();
 
 double median(std::vector<double> values);
 
-int bench_frame(int repeats);     // a query frame and a training, stage by stage
-int bench_overhead(int frames);   // what DDS and processes add to direct calls
-int bench_security(int frames);   // what keys and encryption add to a graph
-int bench_learning(int repeats);  // mixtures, Fisher vectors and classifiers against libraries
-int bench_peers(int repeats);     // each stage against the stock PCL class
-int bench_replicas(int frames);   // a slow stage as several processes
-int bench_observers(int frames);  // what looking on costs a running graph
-int bench_soak(int repeats);      // stages swapped and killed while frames flow
+int bench_frame(int repeats);        // a query frame and a training, stage by stage
+int bench_overhead(int frames);      // what DDS and processes add to direct calls
+int bench_security(int frames);      // what keys and encryption add to a graph
+int bench_learning(int repeats);     // mixtures, Fisher vectors and classifiers against libraries
+int bench_descriptors(int repeats);  // kernels of our own against PCL's
+int bench_peers(int repeats);        // each stage against the stock PCL class
+int bench_replicas(int frames);      // a slow stage as several processes
+int bench_observers(int frames);     // what looking on costs a running graph
+int bench_soak(int repeats);         // stages swapped and killed while frames flow
 
 }  // namespace cosegraph::bench

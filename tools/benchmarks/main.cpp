@@ -66,10 +66,15 @@ int main(int argc, char** argv) {
     int per_repeat;
   };
   constexpr Benchmark kBenchmarks[] = {
-      {"frame", bench::bench_frame, 1},          {"overhead", bench::bench_overhead, 20},
-      {"security", bench::bench_security, 20},   {"learning", bench::bench_learning, 1},
-      {"peers", bench::bench_peers, 1},          {"replicas", bench::bench_replicas, 20},
-      {"observers", bench::bench_observers, 40}, {"soak", bench::bench_soak, 1},
+      {"frame", bench::bench_frame, 1},
+      {"overhead", bench::bench_overhead, 20},
+      {"security", bench::bench_security, 20},
+      {"learning", bench::bench_learning, 1},
+      {"descriptors", bench::bench_descriptors, 1},
+      {"peers", bench::bench_peers, 1},
+      {"replicas", bench::bench_replicas, 20},
+      {"observers", bench::bench_observers, 40},
+      {"soak", bench::bench_soak, 1},
   };
   std::vector<std::string> names;
   std::string list;
