@@ -83,6 +83,24 @@ rtps::Locator_t udp_locator(const std::string& field, const std::string& address
   return locator;
 }
 
+// A run on this host has a multicast port of its own. On the domain's, the participants of all runs
+// would take note of each other, at a cost that grows with the square of their number.
+void set_port_of_run(const std::string& instance, dds::DomainParticipantQos& qos) {
+  constexpr std::uint32_t kFirst = 20'000;  // between those of DDS domains and ephemeral ones
+  constexpr std::uint32_t kCount = 12'000;  // runs that share one are kept apart all the same
+  std::uint32_t sum = 0;
+  for (const char letter : instance) sum = 31 * sum + static_cast<unsigned char>(letter);
+  auto& builtin = qos.wire_protocol().builtin;
+  rtps::Locator_t multicast;
+  rtps::IPLocator::createLocator(LOCATOR_KIND_UDPv4, "239.255.0.1", kFirst + sum % kCount,
+                                 multicast);
+  builtin.metatrafficMulticastLocatorList.push_back(multicast);
+  // As usual: all interfaces, the port that the domain gives to the participant.
+  rtps::Locator_t unicast;
+  rtps::IPLocator::createLocator(LOCATOR_KIND_UDPv4, "0.0.0.0", 0, unicast);
+  builtin.metatrafficUnicastLocatorList.push_back(unicast);
+}
+
 // This host is always a peer: its participants would not find each other otherwise.
 void set_peers(std::vector<std::string> peers, dds::DomainParticipantQos& qos) {
   peers.emplace_back("127.0.0.1");
@@ -197,6 +215,8 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
   else
     discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
+  if (graph.dds.discovery == Discovery::multicast && !graph.instance.empty())
+    set_port_of_run(graph.instance, qos);
   if (graph.dds.discovery == Discovery::peers) set_peers(graph.dds.peers, qos);
   if (graph.dds.discovery == Discovery::server) set_server(graph.dds.server, discovery);
   return qos;

@@ -94,7 +94,7 @@ class DomainWatch::Listener final : public dds::DomainParticipantListener {
     } else {
       owner_.peers_[peer.guid] = std::move(peer);
     }
-    owner_.news_.notify_all();
+    owner_.tell();
   }
 
   void on_publisher_discovery(dds::DomainParticipant*, rtps::WriterDiscoveryInfo&& info) override {
@@ -112,7 +112,7 @@ class DomainWatch::Listener final : public dds::DomainParticipantListener {
       owner_.endpoints_.erase(endpoint.guid);
     else
       owner_.endpoints_[endpoint.guid] = std::move(endpoint);
-    owner_.news_.notify_all();
+    owner_.tell();
   }
 
   DomainWatch& owner_;
@@ -136,14 +136,19 @@ Domain DomainWatch::wait(std::chrono::milliseconds patience,
                          const std::function<bool(const Domain&)>& enough) {
   const auto limit = std::chrono::steady_clock::now() + patience;
   for (;;) {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t seen = changes_;
+    lock.unlock();
     Domain now = domain();
     if (enough(now)) return now;
-    std::unique_lock lock(mutex_);
-    if (news_.wait_until(lock, limit) == std::cv_status::timeout) {
-      lock.unlock();
-      return domain();
-    }
+    lock.lock();
+    if (!news_.wait_until(lock, limit, [&] { return changes_ != seen; })) return now;
   }
+}
+
+void DomainWatch::tell() {
+  ++changes_;
+  news_.notify_all();
 }
 
 std::string partition_of(const GraphDescription& graph) {

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -52,8 +53,11 @@ class DomainWatch {
  private:
   class Listener;
 
+  void tell();  // that something has changed; with the mutex held
+
   mutable std::mutex mutex_;
   std::condition_variable news_;
+  std::uint64_t changes_ = 0;
   std::map<std::string, Peer> peers_;
   std::map<std::string, Endpoint> endpoints_;
   std::unique_ptr<Listener> listener_;

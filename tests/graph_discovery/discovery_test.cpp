@@ -90,6 +90,27 @@ TEST(DomainWatch, ForgetsWhoLeaves) {
   EXPECT_TRUE(has_left(watch.wait(kPatience, has_left)));
 }
 
+// The cost of knowing each other grows with the square of their number.
+TEST(DomainWatch, RunsOnOneHostTakeNoNoteOfEachOther) {
+  const GraphDescription one = small_graph();
+  const GraphDescription other = small_graph();
+  DomainWatch watch(one);
+  DomainWatch other_watch(other);
+  Participant stranger(other, "watched/stranger");
+  Participant member(one, "watched/member");
+  const auto hears = [](const Domain& now, const std::string& name) {
+    return std::ranges::any_of(now.peers, [&](const auto& p) { return p.second.name == name; });
+  };
+  const Domain seen =
+      watch.wait(kPatience, [&](const Domain& now) { return hears(now, "watched/member"); });
+  const Domain seen_by_other = other_watch.wait(
+      kPatience, [&](const Domain& now) { return hears(now, "watched/stranger"); });
+  EXPECT_TRUE(hears(seen, "watched/member"));
+  EXPECT_FALSE(hears(seen, "watched/stranger"));
+  EXPECT_TRUE(hears(seen_by_other, "watched/stranger"));
+  EXPECT_FALSE(hears(seen_by_other, "watched/member"));
+}
+
 TEST(DomainWatch, BestEffortReadersGetWhatIsWrittenFromThenOn) {
   const GraphDescription graph = small_graph();
   DomainWatch watch(graph);
@@ -137,7 +158,8 @@ class StrangeType final : public eprosima::fastdds::dds::TopicDataType {
 
 TEST(DomainWatch, TellsEveryPolicyOfAStranger) {
   namespace dds = eprosima::fastdds::dds;
-  const GraphDescription graph = small_graph();
+  GraphDescription graph = small_graph();
+  graph.instance.clear();  // strangers are heard by graphs that agents run
   DomainWatch watch(graph);
   auto* factory = dds::DomainParticipantFactory::get_instance();
   dds::DomainParticipantQos participant_qos;

@@ -42,7 +42,8 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
   }
 
   // The shipped graph, which finds its hosts by their addresses. Source and sink are on host one.
-  void start(bool secure) {
+  // `rate`: of the frames, Hz; 0: as fast as it goes.
+  void start(bool secure, int rate) {
     std::string text = slurp(std::string(COSEGRAPH_SOURCE_DIR) + "/config/graphs/segment.yaml");
     std::string peers;
     std::string hosts;
@@ -63,7 +64,8 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
     for (const auto& [stage, host] : host_of)
       replace(text, "\n  " + stage + ":\n", "\n  " + stage + ":\n    host: " + host + "\n");
     replace(text, "file: model.coseg", "file: " + world_.path("model.coseg"));
-    replace(text, "path: [queries]", "path: [" + world_.path("stream") + "]");
+    replace(text, "path: [queries]",
+            "path: [" + world_.path("stream") + "], rate: " + std::to_string(rate));
     replace(text, "folder: out", "folder: " + out());
     io::write_file(file(), text);
     if (secure) World::expect_fine({"cosegraph", "keys", "init", file()});
@@ -125,7 +127,7 @@ class PipelineOnThreeHosts : public testing::TestWithParam<const char*> {
 };
 
 TEST_P(PipelineOnThreeHosts, LabelsAsOneHostDoes) {
-  start(GetParam() == std::string("secure"));
+  start(GetParam() == std::string("secure"), 0);
   ASSERT_TRUE(await_written(0));
   std::cout << "first frame " << std::chrono::duration<double>(Clock::now() - started_).count()
             << " s after the agents were started\n";
@@ -138,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(Security, PipelineOnThreeHosts, testing::Values("plain"
 class StageOnThreeHosts : public PipelineOnThreeHosts {};
 
 TEST_F(StageOnThreeHosts, MovesToAnotherHostWhileFramesFlow) {
-  start(false);
+  start(false, 8);
   ASSERT_TRUE(await_written(5));
   const Outcome swap = lab_->host(0).run(
       {"cosegraph", "swap", "cpc", "--host", "three", "--graph", file(), "--json"});
