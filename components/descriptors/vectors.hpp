@@ -1,29 +1,13 @@
-// Vectors as wide as the registers of an instruction set, for the kernels of this component.
-//
-// A kernel is a template over its vector, compiled for the baseline and, inlined into a function
-// that may use it, for AVX2. Operations are per element, products are not contracted, and no sum
-// depends on the width, so the results are the same bits on every machine.
+// What the kernels of this component compute with, per element of a vector.
 #pragma once
 
 #include <cstdint>
 #include <cstring>
 
-#if defined(__x86_64__)
-#define COSEGRAPH_AVX2 __attribute__((target("avx2")))
-#endif
-#define COSEGRAPH_INLINE __attribute__((always_inline)) inline
-
-// Functions that return vectors are inlined, always: called by a function that may use AVX2, one
-// that may not would return them elsewhere.
-#pragma GCC diagnostic ignored "-Wpsabi"
+#include "core/vectors.hpp"
 
 namespace cosegraph::descriptors {
 
-using Narrow [[gnu::vector_size(16)]] = float;
-using Wide [[gnu::vector_size(32)]] = float;
-
-template <class V>
-constexpr int kWidth = sizeof(V) / sizeof(float);
 constexpr int kWidest = kWidth<Wide>;  // columns of numbers are padded to a multiple of it
 
 template <class T>
@@ -53,18 +37,6 @@ using Doubles [[gnu::vector_size(32)]] = double;
 // Integers of the vector's width, as comparisons give them: -1 for true.
 template <class V>
 using Integers = decltype(V{} < V{});
-
-template <class V>
-COSEGRAPH_INLINE V load(const float* from) {
-  V v;
-  std::memcpy(&v, from, sizeof v);
-  return v;
-}
-
-template <class V, class Number>
-COSEGRAPH_INLINE void store(Number* to, const V& v) {
-  std::memcpy(to, &v, sizeof v);
-}
 
 template <class V>
 COSEGRAPH_INLINE Integers<V> bits_of(const V& v) {

@@ -7,35 +7,16 @@
 #include <limits>
 #include <numbers>
 
-#if defined(__x86_64__)
-#define COSEGRAPH_AVX2 __attribute__((target("avx2")))
-#endif
-#define COSEGRAPH_INLINE __attribute__((always_inline)) inline
+#include "core/vectors.hpp"
 
 namespace cosegraph::fisher {
 namespace {
 
-// Vectors as wide as the registers of an instruction set. Operations are per element, and sums
-// over dimensions and components are taken in order, so the width does not change any result.
-using Narrow [[gnu::vector_size(16)]] = float;
-using Wide [[gnu::vector_size(32)]] = float;
-
-template <class V>
-constexpr int kWidth = sizeof(V) / sizeof(float);
-
+// Operations are per element, and sums over dimensions and components are taken in order, so the
+// width of the vectors does not change any result.
 constexpr int kBlock = 4;              // components are padded to a multiple of it
 constexpr float kFarthest = 1e30F;     // bound of a squared distance, so that nothing overflows
 constexpr float kNegligible = -23.0F;  // log of the posteriors that count as 0
-
-template <class V>
-COSEGRAPH_INLINE void load(V& v, const float* from) {
-  std::memcpy(&v, from, sizeof v);
-}
-
-template <class V>
-COSEGRAPH_INLINE void store(float* to, const V& v) {
-  std::memcpy(to, &v, sizeof v);
-}
 
 // v = e^v for -87 < v <= 0, relative error below 2e-7: v = n ln 2 + r, Taylor polynomial in r.
 template <class V>
@@ -66,7 +47,7 @@ COSEGRAPH_INLINE void log_joint_block(int dimension, const float* panel, const f
   for (int d = 0; d < dimension; ++d) {
     V x[kVectors];
 #pragma GCC unroll 4
-    for (int j = 0; j < kVectors; ++j) load(x[j], panel + d * kLanes + j * kWidth<V>);
+    for (int j = 0; j < kVectors; ++j) x[j] = load<V>(panel + d * kLanes + j * kWidth<V>);
 #pragma GCC unroll 4
     for (int k = 0; k < Count; ++k) {
       const float m = mean[k * dimension + d];
@@ -106,14 +87,14 @@ COSEGRAPH_INLINE void normalise_all(int padded, float* joint, float* total, floa
   for (int j = 0; j < kLanes; j += kWidth<V>) {
     V most;
     V value;
-    load(most, joint + j);
+    most = load<V>(joint + j);
     for (int k = 1; k < padded; ++k) {
-      load(value, joint + k * kLanes + j);
+      value = load<V>(joint + k * kLanes + j);
       most = value > most ? value : most;
     }
     V sum = {};
     for (int k = 0; k < padded; ++k) {
-      load(value, joint + k * kLanes + j);
+      value = load<V>(joint + k * kLanes + j);
       value -= most;
       const auto kept = value > kNegligible;
       value = kept ? value : V{} + kNegligible;
@@ -124,7 +105,7 @@ COSEGRAPH_INLINE void normalise_all(int padded, float* joint, float* total, floa
     }
     const V scale = 1.0F / sum;
     for (int k = 0; k < padded; ++k) {
-      load(value, joint + k * kLanes + j);
+      value = load<V>(joint + k * kLanes + j);
       value *= scale;
       store(joint + k * kLanes + j, value);
     }
@@ -140,7 +121,7 @@ COSEGRAPH_INLINE void distances_all(int dimension, const float* panel, const flo
     V sum = {};
     for (int d = 0; d < dimension; ++d) {
       V x;
-      load(x, panel + d * kLanes + j);
+      x = load<V>(panel + d * kLanes + j);
       const V u = (x - centre[d]) * inverse[d];
       sum += u * u;
     }
@@ -161,8 +142,8 @@ COSEGRAPH_INLINE void accumulate_block(int dimension, const float* samples,
   V b[2] = {};
 #pragma GCC unroll 2
   for (int j = 0; j < 2; ++j) {
-    load(m[j], mean + j * kWidth<V>);
-    load(s[j], inverse + j * kWidth<V>);
+    m[j] = load<V>(mean + j * kWidth<V>);
+    s[j] = load<V>(inverse + j * kWidth<V>);
   }
   for (std::size_t i = 0; i < count; ++i) {
     const float* sample = samples + static_cast<std::ptrdiff_t>(rows[i]) * dimension;
@@ -170,7 +151,7 @@ COSEGRAPH_INLINE void accumulate_block(int dimension, const float* samples,
 #pragma GCC unroll 2
     for (int j = 0; j < 2; ++j) {
       V x;
-      load(x, sample + j * kWidth<V>);
+      x = load<V>(sample + j * kWidth<V>);
       const V u = (x - m[j]) * s[j];
       const V gu = u * g;
       a[j] += gu;
@@ -180,10 +161,10 @@ COSEGRAPH_INLINE void accumulate_block(int dimension, const float* samples,
 #pragma GCC unroll 2
   for (int j = 0; j < 2; ++j) {
     V sum;
-    load(sum, first + j * kWidth<V>);
+    sum = load<V>(first + j * kWidth<V>);
     sum += a[j];
     store(first + j * kWidth<V>, sum);
-    load(sum, second + j * kWidth<V>);
+    sum = load<V>(second + j * kWidth<V>);
     sum += b[j];
     store(second + j * kWidth<V>, sum);
   }

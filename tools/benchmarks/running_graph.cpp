@@ -149,9 +149,9 @@ nlohmann::json RunningGraph::account() const {
   return report["account"];
 }
 
-double RunningGraph::rate() const {
+double RunningGraph::rate(double from) const {
   const auto outputs = this->outputs();
-  const std::size_t first = outputs.size() / 10;
+  const auto first = static_cast<std::size_t>(from * static_cast<double>(outputs.size()));
   const std::size_t last = outputs.size() * 9 / 10;
   return static_cast<double>(last - first) /
          std::chrono::duration<double>(outputs.at(last) - outputs.at(first)).count();

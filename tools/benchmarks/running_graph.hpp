@@ -48,8 +48,8 @@ class RunningGraph {
   int written() const;
   // When each frame has come out, in order.
   std::vector<Clock::time_point> outputs() const;
-  // Frames per second between the first tenth of the outputs and the last.
-  double rate() const;
+  // Frames per second from this share of the outputs on, up to the last tenth.
+  double rate(double from = 0.1) const;
   // Resident memory of all stages, bytes.
   std::uint64_t memory() const;
 

@@ -1,6 +1,6 @@
 #include "tools/recording/mcap_records.hpp"
 
-#include <zlib.h>
+#include <libdeflate.h>
 #include <zstd.h>
 
 #include <algorithm>
@@ -121,7 +121,7 @@ constexpr std::size_t kCrcSize = 4;
 }  // namespace
 
 std::uint32_t crc32(std::span<const std::uint8_t> bytes, std::uint32_t before) {
-  return static_cast<std::uint32_t>(::crc32_z(before, bytes.data(), bytes.size()));
+  return ::libdeflate_crc32(before, bytes.data(), bytes.size());
 }
 
 void append(Bytes& out, const Header& header) {
