@@ -5,6 +5,7 @@
 #include <fastcdr/exceptions/Exception.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <string>
 
@@ -313,28 +314,70 @@ Spectrum take(msg::Spectrum& message) {
 template <>
 struct MessageOf<Encodings> {
   using Type = msg::Encodings;
-  static constexpr std::string_view kLayout = "44ff";
+  static constexpr std::string_view kLayout = "44fff";
 };
 
+// Most of a Fisher vector is 0: components that none of its descriptors belongs to. Runs of zeros
+// are not sent.
 void fill(msg::Encodings& message, const Encodings& value) {
+  constexpr std::size_t kLeast = 4;  // zeros that are worth a run
   message.segment_count(value.segment_count);
   message.dimension(value.dimension);
   message.segment(value.segment);
-  message.values(value.value);
+  const auto is_zero = [&](std::size_t i) {
+    return std::bit_cast<std::uint32_t>(value.value[i]) == 0;
+  };
+  const std::size_t count = value.value.size();
+  for (std::size_t at = 0; at < count;) {
+    std::size_t begin = at;
+    while (begin < count && is_zero(begin)) ++begin;
+    std::size_t end = begin;
+    for (std::size_t i = begin; i < count && i - end < kLeast; ++i)
+      if (!is_zero(i)) end = i + 1;
+    message.runs().push_back(static_cast<std::int32_t>(begin - at));
+    message.runs().push_back(static_cast<std::int32_t>(end - begin));
+    message.values().insert(message.values().end(),
+                            value.value.begin() + static_cast<std::ptrdiff_t>(begin),
+                            value.value.begin() + static_cast<std::ptrdiff_t>(end));
+    at = end;
+  }
+}
+
+// The numbers of `values` where `runs` puts them, `count` in all.
+std::vector<float> unpacked(const std::vector<std::int32_t>& runs, std::span<const float> values,
+                            std::size_t count) {
+  std::size_t zeros = 0;
+  std::size_t given = 0;
+  for (std::size_t r = 0; r + 1 < runs.size(); r += 2) {
+    require(runs[r] >= 0 && runs[r + 1] >= 0, "a run is shorter than nothing");
+    zeros += static_cast<std::size_t>(runs[r]);
+    given += static_cast<std::size_t>(runs[r + 1]);
+  }
+  require(runs.size() % 2 == 0 && given == values.size() && zeros + given == count,
+          "values do not fit packets");
+  std::vector<float> result(count);
+  auto to = result.begin();
+  for (std::size_t r = 0; r < runs.size(); r += 2) {
+    to += runs[r];
+    const auto length = static_cast<std::size_t>(runs[r + 1]);
+    to = std::ranges::copy(values.first(length), to).out;
+    values = values.subspan(length);
+  }
+  return result;
 }
 
 Encodings take(msg::Encodings& message) {
   Encodings value{.segment_count = message.segment_count(),
                   .dimension = message.dimension(),
-                  .segment = std::move(message.segment()),
-                  .value = std::move(message.values())};
+                  .segment = std::move(message.segment())};
   require_segment_count(value.segment_count);
   require(value.dimension > 0, "the vectors have no dimension");
   require_indices(value.segment, static_cast<std::size_t>(value.segment_count),
                   "a packet names a segment that does not exist");
-  require(value.value.size() == value.segment.size() * static_cast<std::size_t>(value.dimension),
-          "values do not fit packets");
-  require(all_finite(value.value), "a vector is not finite");
+  require(all_finite(message.values()), "a vector is not finite");
+  const std::size_t count = value.segment.size() * static_cast<std::size_t>(value.dimension);
+  require(count <= kMostEncoded, "the vectors are too large");
+  value.value = unpacked(message.runs(), message.values(), count);
   return value;
 }
 

@@ -20,7 +20,7 @@ struct Supervoxels {
   std::vector<float> normal;              // 3S, unit, toward the sensor
   std::vector<std::int32_t> point_count;  // S
   std::vector<std::array<std::int32_t, 2>> adjacency;  // pairs a < b, sorted, unique
-  float seed_resolution = 0.0F;  // distance of the seeds, in the cloud's unit
+  float seed_resolution = 0.0F;                        // distance of the seeds, in the cloud's unit
 
   std::size_t count() const { return centroid.size() / 3; }
 };
@@ -56,8 +56,12 @@ struct Encodings {
   std::int32_t segment_count = 0;
   std::int32_t dimension = 0;
   std::vector<std::int32_t> segment;  // per packet, ascending; a segment may have none
-  std::vector<float> value;           // segment.size() x dimension
+  std::vector<float> value;           // segment.size() x dimension, most of them 0
 };
+
+// More numbers than so many, in any message, are refused: zeros travel for nothing, so that the
+// size of a message is no bound.
+constexpr std::size_t kMostEncoded = 1U << 25U;
 
 // Appearance posterior p(l | T_i) per segment; rows sum to 1.
 struct Scores {

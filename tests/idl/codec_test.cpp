@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
 #include <limits>
 
 namespace cosegraph::idl {
@@ -371,6 +372,38 @@ TEST(Codec, NumbersOfSegmentsAreBounded) {
   EXPECT_NO_THROW(round_trip(Encodings{.segment_count = kMostSegments, .dimension = 1}));
   EXPECT_THROW(round_trip(Encodings{.segment_count = kMostSegments + 1, .dimension = 1}),
                InputError);
+}
+
+// Fisher vectors are mostly zeros, which do not travel.
+TEST(Codec, RunsOfZerosCostNothing) {
+  Encodings encodings{.segment_count = 2, .dimension = 1000, .segment = {0, 1, 1}};
+  encodings.value.resize(3000);
+  const std::size_t empty = encode(kHeader, encodings).size();
+  EXPECT_EQ(round_trip(encodings).value, encodings.value);
+  EXPECT_LT(empty, 300U);
+  // At the start, alone, with short gaps, a zero that has a sign, across packets, at the end.
+  for (const std::size_t i : {0, 1, 5, 100, 102, 500, 998, 999, 1000, 1001, 2999})
+    encodings.value[i] = static_cast<float>(i) + 0.5F;
+  encodings.value[700] = -0.0F;
+  const Encodings got = round_trip(encodings);
+  EXPECT_EQ(got.value, encodings.value);
+  EXPECT_TRUE(std::signbit(got.value[700]));
+  EXPECT_FALSE(std::signbit(got.value[701]));
+  EXPECT_LT(encode(kHeader, encodings).size(), empty + 200);
+  std::ranges::fill(encodings.value, 1.0F);
+  EXPECT_EQ(round_trip(encodings).value, encodings.value);
+  EXPECT_LT(encode(kHeader, encodings).size(), empty + 3000 * sizeof(float) + 20);
+}
+
+TEST(Codec, EncodingsThatClaimMoreThanThereIsAreRefused) {
+  Encodings encodings{.segment_count = 1, .dimension = 3, .segment = {0}, .value = {1, 2}};
+  EXPECT_THROW(round_trip(encodings), InputError);
+  encodings.value = {1, 2, 3, 4};
+  EXPECT_THROW(round_trip(encodings), InputError);
+  // Zeros take no bytes: the memory that they would take is bounded.
+  encodings = {.segment_count = 1, .dimension = std::numeric_limits<std::int32_t>::max()};
+  encodings.segment.assign(1000, 0);
+  EXPECT_THROW(round_trip(encodings), InputError);
 }
 
 TEST(Codec, VectorsThatAreNotFiniteAreRefused) {

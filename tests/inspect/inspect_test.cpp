@@ -117,11 +117,10 @@ TEST(Inspect, FindsMatricesByTheCommentsOfTheIdl) {
 }
 
 TEST(Inspect, ColumnsThatDoNotFitAreNone) {
-  const Opened odd(Encodings{.segment_count = 1, .dimension = 3, .segment = {0}, .value = {1, 2}});
-  EXPECT_EQ(select(odd.root, "values").columns, 1U);
-  const Opened negative(
-      Encodings{.segment_count = 1, .dimension = -3, .segment = {0}, .value = {1, 2, 3}});
-  EXPECT_EQ(select(negative.root, "values").columns, 1U);
+  Descriptors descriptors{.recipe = "r", .channels = {{"c", 3, {0}, {1, 2}}}};
+  EXPECT_EQ(select(Opened(descriptors).root, "channels[0].values").columns, 1U);
+  descriptors.channels[0] = {"c", -3, {0}, {1, 2, 3}};
+  EXPECT_EQ(select(Opened(descriptors).root, "channels[0].values").columns, 1U);
 }
 
 TEST(Inspect, SelectsByPath) {

@@ -288,12 +288,16 @@ function encodingsView(message: any, context: Context): View {
     Object.assign(view, onCloud(cloud, (i) => sequential(packets[ids[i]] / most)));
     view.legends = [ramp(sequential, "0", count(most), "packets in the segment")];
   } else {
-    const { dimension } = message;
+    const { dimension, runs, values } = message;
     const means = new Float64Array(message.segment_count * dimension);
-    message.segment.forEach((s: number, packet: number) => {
-      for (let d = 0; d < dimension; ++d)
-        means[s * dimension + d] += message.values[packet * dimension + d] / packets[s];
-    });
+    // Runs of zeros and of numbers take turns, through all packets.
+    for (let r = 0, at = 0, from = 0; r + 1 < runs.length; r += 2) {
+      at += runs[r];
+      for (let left = runs[r + 1]; left > 0; --left, ++at) {
+        const s = message.segment[Math.floor(at / dimension)];
+        means[s * dimension + at % dimension] += values[from++] / packets[s];
+      }
+    }
     const basis = context.keep(`axes ${dimension}`, () =>
       principalAxes(means, message.segment_count, dimension, 3));
     const colours = packets.map((number, s) =>
