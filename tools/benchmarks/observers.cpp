@@ -105,7 +105,7 @@ int bench_observers(int frames) {
   bool all_whole = true;
   double full = 0.0;
   constexpr std::array<std::pair<const char*, double>, 2> kPaces{
-      {{"full speed", 0.0}, {"three quarters of it", 0.75}}};
+      {{"full speed", 0.0}, {"half speed", 0.5}}};
   for (const auto& [pace, share] : kPaces) {
     constexpr int kRounds = 3;  // in turn, so that both see the same machine
     std::vector<double> alone;

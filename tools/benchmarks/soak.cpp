@@ -54,7 +54,7 @@ bool print_account(const nlohmann::json& account, int frames) {
 }
 
 bool soak_swaps(const Subject& subject, int swaps) {
-  constexpr int kSpacing = 40;
+  constexpr int kSpacing = 100;  // some seconds: a swap takes one
   const int frames = kSpacing * (swaps + 2);
   RunningGraph graph(subject, {.frames = frames});
   Random random(1);
