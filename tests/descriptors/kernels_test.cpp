@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 #include "descriptors/own.hpp"
 #include "descriptors/surfaces.hpp"
@@ -14,13 +13,8 @@
 namespace cosegraph::descriptors {
 namespace {
 
-using Indices = std::vector<std::int32_t>;
-
-Indices all_of(const Cloud& cloud) {
-  Indices indices(cloud.size());
-  std::iota(indices.begin(), indices.end(), 0);
-  return indices;
-}
+using test::all_of;
+using test::Indices;
 
 void add(Cloud& cloud, const Eigen::Vector3d& point, const Eigen::Vector3d& normal) {
   for (int axis = 0; axis < 3; ++axis) {
@@ -176,20 +170,14 @@ TEST(OwnFpfh, AgreesWithPcl) {
   }
 }
 
-TEST(OwnFpfh, AgreesWithPclOnTheBunny) {
+TEST(OwnKernels, AgreeWithPclOnTheBunny) {
   COSEGRAPH_NEEDS_DATA("pcl/bun0.pcd");
   const Cloud bunny = io::read_cloud(test::data_folder() / "pcl/bun0.pcd");
-  const Deviation found = fpfh_deviation(bunny, all_of(bunny), 0.03);
-  EXPECT_LE(found.bins, 1e-4);
-  EXPECT_LE(found.mean, 1e-5);
-}
-
-TEST(OwnShot, AgreesWithPclOnTheBunny) {
-  COSEGRAPH_NEEDS_DATA("pcl/bun0.pcd");
-  const Cloud bunny = io::read_cloud(test::data_folder() / "pcl/bun0.pcd");
-  const Deviation found = shot_deviation(bunny, all_of(bunny), 0.03);
-  EXPECT_LE(found.bins, 1e-4);
-  EXPECT_LE(found.mean, 1e-5);
+  for (const auto deviation_of : {fpfh_deviation, shot_deviation}) {
+    const Deviation found = deviation_of(bunny, all_of(bunny), 0.03);
+    EXPECT_LE(found.bins, 1e-4);
+    EXPECT_LE(found.mean, 1e-5);
+  }
 }
 
 TEST(OwnFpfh, OfSomeKeypointsIsThatOfAll) {

@@ -8,7 +8,6 @@
 
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "descriptors/surfaces.hpp"
 #include "io/cloud_io.hpp"
@@ -17,13 +16,8 @@
 namespace cosegraph::descriptors {
 namespace {
 
-using Indices = std::vector<std::int32_t>;
-
-Indices all_of(const Cloud& cloud) {
-  Indices indices(cloud.size());
-  std::iota(indices.begin(), indices.end(), 0);
-  return indices;
-}
+using test::all_of;
+using test::Indices;
 
 // The normals that PCL's own tests use for SHOT.
 std::vector<float> pcl_normals(const std::vector<float>& xyz, double radius) {

@@ -3,12 +3,23 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+#include <numeric>
+#include <vector>
 
 #include "core/cloud.hpp"
 #include "core/random.hpp"
 
 namespace cosegraph::test {
+
+using Indices = std::vector<std::int32_t>;
+
+inline Indices all_of(const Cloud& cloud) {
+  Indices indices(cloud.size());
+  std::iota(indices.begin(), indices.end(), 0);
+  return indices;
+}
 
 // A bumpy egg, about 0.6 wide: no two of its places look quite the same.
 inline Cloud bumpy_egg(int count) {

@@ -96,15 +96,14 @@ nlohmann::ordered_json to_json(const graph::RunReport& report,
           {"failures", std::move(failures)}};
 }
 
-// Whether the graph's source goes on until it is stopped, as far as that can be known here.
-bool is_endless(const graph::GraphDescription& graph) {
-  return std::ranges::any_of(graph.stages, [&](const graph::StageNode& node) {
-    if (!stage_table().contains(node.use)) return false;
-    const auto stage = stage_table().at(node.use)();
-    graph::apply_params(graph, node, *stage);
-    const auto* source = dynamic_cast<const graph::SourceStage*>(stage.get());
-    return source != nullptr && source->endless();
-  });
+// Whether the graph's source goes on until it is stopped; of a program of its own that is not
+// known.
+bool is_endless(const graph::GraphDescription& graph, const graph::Catalog& catalog) {
+  const graph::StageNode& node = graph::source_of(graph, catalog);
+  if (!stage_table().contains(node.use)) return false;
+  const auto stage = stage_table().at(node.use)();
+  graph::apply_params(graph, node, *stage);
+  return dynamic_cast<const graph::SourceStage&>(*stage).endless();
 }
 
 }  // namespace
@@ -121,14 +120,15 @@ graph::RunReport run_graph(const graph::GraphDescription& graph, const Where& wh
   const auto print = [](const std::string& stage, const std::string& line) {
     std::cerr << "[" << stage << "] " << line << '\n';
   };
-  graph::RunReport report =
-      where.one_process ? graph::run_in_process(graph, stage_table(), options)
-                        : graph::run_processes(graph, graph::catalog_of(stage_table()), options,
-                                               {.host = where.host,
-                                                .executables = executable_folder(),
-                                                .allow_exec = where.allow_exec,
-                                                .on_output = print});
-  report.endless = is_endless(graph);
+  const graph::Catalog catalog = graph::catalog_of(stage_table());
+  graph::RunReport report = where.one_process
+                                ? graph::run_in_process(graph, stage_table(), options)
+                                : graph::run_processes(graph, catalog, options,
+                                                       {.host = where.host,
+                                                        .executables = executable_folder(),
+                                                        .allow_exec = where.allow_exec,
+                                                        .on_output = print});
+  report.endless = is_endless(graph, catalog);
   return report;
 }
 

@@ -3,6 +3,7 @@
 // Of a running graph, the newest frames are kept. Of a file all frames are known from the start, and
 // messages are kept of those that are asked for.
 import type { Channel, Header } from "./connection";
+import type { FrameEntry } from "./state";
 
 const kMaxFrames = 120;
 const kMaxBytes = 400e6;
@@ -54,15 +55,14 @@ export class Frames {
   }
 
   // `frames`: all that there are, of a file.
-  begin(frames: { epoch: string; sequence: number; name: string; time: number }[] | null): void {
+  begin(frames: FrameEntry[] | null): void {
     this.isFile = frames !== null;
     this.all.length = 0;
     this.byKey.clear();
     this.latched.clear();
     this.bytes = 0;
     for (const one of frames ?? []) {
-      const frame =
-        new Frame(`${one.epoch}:${one.sequence}`, one.name, one.sequence, one.time);
+      const frame = new Frame(`${one.epoch}:${one.sequence}`, one.name, one.sequence, one.time);
       this.all.push(frame);
       this.byKey.set(frame.key, frame);
     }
@@ -91,7 +91,8 @@ export class Frames {
   }
 
   private trim(newest: Frame): void {
-    while (!this.isFile && this.all.length > 1 && (this.all.length > kMaxFrames || this.bytes > kMaxBytes)) {
+    if (this.isFile) return;
+    while (this.all.length > 1 && (this.all.length > kMaxFrames || this.bytes > kMaxBytes)) {
       const oldest = this.all[0] === newest ? this.all.splice(1, 1)[0] : this.all.shift()!;
       this.byKey.delete(oldest.key);
       for (const message of oldest.messages.values()) this.bytes -= message.bytes.byteLength;

@@ -8,7 +8,9 @@ import { Frames, type Frame } from "./frames";
 import { GraphView } from "./graph_view";
 import { Pane } from "./pane";
 import { StageDialog, type SwapCall } from "./stage_dialog";
-import { Rates, complete, framesOf, isSameRun, partsAround, type Failure, type GraphState, type Topic } from "./state";
+import {
+  Rates, complete, framesOf, isSameRun, partsAround, type Failure, type GraphState, type Topic,
+} from "./state";
 import { canShow } from "./views";
 
 const kMaxPanes = 4;

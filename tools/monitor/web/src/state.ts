@@ -60,6 +60,13 @@ export interface Failure {
   time: number;
 }
 
+export interface FrameEntry {
+  epoch: string;
+  sequence: number;
+  name: string;
+  time: number; // ms since 1970 when it began, 0 if that is not known
+}
+
 export interface GraphState {
   graph: string;
   instance?: string;
@@ -70,7 +77,7 @@ export interface GraphState {
   note?: string; // what people should know: the swap that goes on, what a file lacks
   // Of a file: all its frames, the parts in which they can be had (their first frames), and which
   // frame is to be shown first.
-  frames?: { epoch: string; sequence: number; name: string; time: number }[]; // ms since 1970, or 0
+  frames?: FrameEntry[];
   parts?: number[];
   first?: number;
   stages: Stage[];
