@@ -91,6 +91,8 @@ void set_port_of_run(const std::string& instance, dds::DomainParticipantQos& qos
   std::uint32_t sum = 0;
   for (const char letter : instance) sum = 31 * sum + static_cast<unsigned char>(letter);
   auto& builtin = qos.wire_protocol().builtin;
+  // Announcements go to that port alone; else also to each participant that is known.
+  builtin.avoid_builtin_multicast = false;
   rtps::Locator_t multicast;
   rtps::IPLocator::createLocator(LOCATOR_KIND_UDPv4, "239.255.0.1", kFirst + sum % kCount,
                                  multicast);

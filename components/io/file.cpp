@@ -106,6 +106,29 @@ void write_file(const fs::path& file, std::string_view bytes, unsigned mode) {
   sync_folder(target.parent_path());
 }
 
+void replace_end(const fs::path& file, std::size_t at, std::string_view bytes) {
+  Descriptor descriptor(file, O_RDWR);
+  struct stat status {};
+  if (descriptor.get() < 0 || ::fstat(descriptor.get(), &status) != 0) fail(file, "write", errno);
+  const auto size = static_cast<std::size_t>(status.st_size);
+  if (size < at) throw InputError(file.string() + ": cannot write: somebody has shortened it");
+  std::string old(size - at, '\0');
+  const auto begin = static_cast<::off_t>(at);
+  if (::pread(descriptor.get(), old.data(), old.size(), begin) !=
+      static_cast<::ssize_t>(old.size()))
+    fail(file, "read", errno);
+  const auto put = [&](std::string_view end) {
+    return ::lseek(descriptor.get(), begin, SEEK_SET) == begin && write_all(descriptor.get(), end) &&
+           ::ftruncate(descriptor.get(), begin + static_cast<::off_t>(end.size())) == 0;
+  };
+  if (!put(bytes)) {
+    const int error = errno;
+    put(old);  // takes no more room than it had
+    fail(file, "write", error);
+  }
+  if (!descriptor.close()) fail(file, "write", errno);
+}
+
 std::string read_file(const fs::path& file) {
   // O_NONBLOCK: opening a pipe that nobody writes to must not hang before it is refused.
   const Descriptor descriptor(file, O_RDONLY | O_NONBLOCK);

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <set>
 
 namespace cosegraph::sink {
 namespace {
@@ -56,10 +55,35 @@ Json frame_json(const Result& result) {
   return frame;
 }
 
-Json earlier_frames(std::string_view text) {
+constexpr std::string_view kHead = "{\n  \"frames\": [";
+constexpr std::string_view kEndOfFrame = "\n    }";
+
+// As an element of "frames".
+std::string text_of(const Json& frame) {
+  // Names come from messages and need not be UTF-8: what is not becomes U+FFFD.
+  const std::string lines = frame.dump(2, ' ', false, Json::error_handler_t::replace);
+  std::string text = "\n    ";
+  for (const char letter : lines) {
+    text += letter;
+    if (letter == '\n') text += "    ";
+  }
+  return text;
+}
+
+// Up to the last frame that is whole.
+std::string mended(std::string_view text) {
+  const std::size_t end = text.rfind(std::string(kEndOfFrame) + ",");
+  if (end != std::string_view::npos)
+    return std::string(text.substr(0, end + kEndOfFrame.size())) + "]}";
+  return std::string(text.starts_with(kHead) ? kHead : text) + "]}";
+}
+
+Json frames_of(std::string_view text) {
   if (text.empty()) return Json::array();
+  Json all = Json::parse(text, nullptr, false);
+  if (all.is_discarded()) all = Json::parse(mended(text), nullptr, false);
   try {
-    Json frames = Json::parse(text).at("frames");
+    Json frames = all.at("frames");
     for (const auto& frame : frames) frame.at("name").get_ref<const std::string&>();
     return frames;
   } catch (const Json::exception& error) {
@@ -94,33 +118,47 @@ Result result_of(const std::string& name, const Cloud& input, const Segments& se
   return result;
 }
 
-std::string results_json(std::span<const Result> results, std::string_view earlier) {
-  std::set<std::string, std::less<>> names;
-  for (const auto& result : results) names.insert(result.name);
-  Json frames = earlier_frames(earlier);
-  std::erase_if(frames.get_ref<Json::array_t&>(), [&](const Json& frame) {
-    return names.contains(frame["name"].get_ref<const std::string&>());
-  });
-  for (const auto& result : results) frames.push_back(frame_json(result));
-  Json all{{"frames", frames}};
-  double accuracy = 0.0;
-  double floor = 0.0;
-  double oracle = 0.0;
-  int evaluated = 0;
-  for (const auto& frame : frames) {
+ResultsText::ResultsText(std::string_view earlier, std::string_view redone) : begun_(kHead) {
+  for (const Json& frame : frames_of(earlier)) {
+    const auto& name = frame["name"].get_ref<const std::string&>();
+    if (name == redone) continue;
+    earlier_.insert(name);
+    if (count_++ > 0) begun_ += ',';
+    begun_ += text_of(frame);
     if (!frame.contains("accuracy")) continue;
-    accuracy += frame["accuracy"].get<double>();
-    floor += frame["majority_floor"].get<double>();
-    oracle += frame["oracle"].get<double>();
-    ++evaluated;
+    accuracy_ += frame["accuracy"].get<double>();
+    floor_ += frame["majority_floor"].get<double>();
+    oracle_ += frame["oracle"].get<double>();
+    ++evaluated_;
   }
-  if (evaluated > 0)
-    all["mean"] = {{"frames", evaluated},
-                   {"accuracy", accuracy / evaluated},
-                   {"majority_floor", floor / evaluated},
-                   {"oracle", oracle / evaluated}};
-  // Names come from messages and need not be UTF-8: what is not becomes U+FFFD.
-  return all.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+  size_ = begun_.size();
+  begun_ += tail();
+}
+
+ResultsText::Growth ResultsText::add(const Result& result) {
+  Growth growth{.at = size_, .bytes = count_++ > 0 ? "," : ""};
+  growth.bytes += text_of(frame_json(result));
+  if (const auto& truth = result.evaluation) {
+    accuracy_ += truth->accuracy;
+    floor_ += truth->floor;
+    oracle_ += truth->oracle;
+    ++evaluated_;
+  }
+  size_ += growth.bytes.size();
+  growth.bytes += tail();
+  return growth;
+}
+
+std::string ResultsText::tail() const {
+  std::string text = count_ > 0 ? "\n  ]" : "]";
+  if (evaluated_ > 0) {
+    const Json mean{{"frames", evaluated_},
+                    {"accuracy", accuracy_ / evaluated_},
+                    {"majority_floor", floor_ / evaluated_},
+                    {"oracle", oracle_ / evaluated_}};
+    text += ",\n  \"mean\": " + mean.dump();
+  }
+  return text + "\n}\n";
 }
 
 std::string picture_of(const PictureOf& frame) {

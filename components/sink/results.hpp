@@ -2,7 +2,7 @@
 #pragma once
 
 #include <optional>
-#include <span>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,10 +31,39 @@ struct Result {
 Result result_of(const std::string& name, const Cloud& input, const Segments& segments,
                  const Labelling& labelling);
 
-// {"frames": [...], "mean": {...}} with figures in 0 .. 1; the mean is over evaluated frames.
-// `earlier` is such a text, or empty: its frames come first, those of a name in `results` left out.
-// Throws InputError if it is something else.
-std::string results_json(std::span<const Result> results, std::string_view earlier = "");
+// results.json: {"frames": [...], "mean": {...}} with figures in 0 .. 1; the mean is over evaluated
+// frames. It grows by a frame at a time without what stands before being written again, however
+// long the stream.
+class ResultsText {
+ public:
+  // Goes on with `earlier`, such a text, without its frames of the name `redone`. Of a text whose
+  // writer was stopped in the middle of a frame that frame is missing. Throws InputError if it is
+  // something else.
+  explicit ResultsText(std::string_view earlier = "", std::string_view redone = "");
+
+  // As it is before the first add.
+  const std::string& begun() const { return begun_; }
+  bool began_with(std::string_view frame) const { return earlier_.contains(frame); }
+
+  // What the text is from byte `at` on; before that it stays as it is.
+  struct Growth {
+    std::size_t at = 0;
+    std::string bytes;
+  };
+  Growth add(const Result& result);
+
+ private:
+  std::string tail() const;
+
+  std::string begun_;
+  std::set<std::string, std::less<>> earlier_;  // names
+  std::size_t size_ = 0;                        // without the tail, which follows the frames
+  std::size_t count_ = 0;
+  int evaluated_ = 0;
+  double accuracy_ = 0.0;  // sums over these
+  double floor_ = 0.0;
+  double oracle_ = 0.0;
+};
 
 struct PictureOf {
   std::string name;

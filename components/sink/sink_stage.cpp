@@ -79,7 +79,7 @@ class SinkStage final : public graph::Stage {
     fs::create_directories(folder_, error);
     if (error) throw InputError(folder_ + ": cannot be made: " + error.message());
     // Found out now rather than after the first frame.
-    if (!resumed()) io::write_file(results_file(), sink::results_json({}));
+    if (!resumed()) begin_results("", "");
     if (!reference_.empty()) reference_cloud_ = io::read_cloud(reference_);
   }
 
@@ -91,10 +91,25 @@ class SinkStage final : public graph::Stage {
     const io::Column confidence{.name = "confidence", .value = labelled.confidence};
     io::write_cloud(base.string() + "." + std::string(to_name(format_)), labelled.cloud,
                     {&confidence, 1});
-    if (resumed() && results_.empty() && fs::exists(results_file()))
-      earlier_ = io::read_file(results_file());
-    results_.push_back(sink::result_of(frame.name(), input, segments, labelling));
-    io::write_file(results_file(), sink::results_json(results_, earlier_));
+    add_result(sink::result_of(frame.name(), input, segments, labelling));
+  }
+
+  void begin_results(std::string_view earlier, std::string_view redone) {
+    results_.emplace(earlier, redone);
+    io::write_file(results_file(), results_->begun());
+  }
+
+  // A process of this stage that came before may have written the frame, and died before it said so.
+  void add_result(const sink::Result& result) {
+    if (!results_ || results_->began_with(result.name))
+      begin_results(fs::exists(results_file()) ? io::read_file(results_file()) : "", result.name);
+    const auto growth = results_->add(result);
+    try {
+      io::replace_end(results_file(), growth.at, growth.bytes);
+    } catch (const Error&) {
+      results_.reset();  // the next frame goes on with what the file holds
+      throw;
+    }
   }
 
   // A frame's name comes with its messages, and must not lead out of the folder.
@@ -127,8 +142,7 @@ class SinkStage final : public graph::Stage {
   Format format_ = Format::ply;
   bool picture_ = false;
   Cloud reference_cloud_;
-  std::vector<sink::Result> results_;
-  std::string earlier_;  // results of the processes of this stage that came before
+  std::optional<sink::ResultsText> results_;
 };
 
 }  // namespace

@@ -32,8 +32,7 @@ void write(const Bundle& bundle, bool picture) {
   const auto name = idl::decode_header(bundle.messages[0]).name;
   try {
     sink::to_input(input, labelling);
-    const sink::Result result = sink::result_of(name, input, segments, labelling);
-    sink::results_json({&result, 1});
+    sink::ResultsText().add(sink::result_of(name, input, segments, labelling));
   } catch (const Error&) {
     // The picture is drawn all the same: it must not rest on what the others refuse.
   }

@@ -105,6 +105,32 @@ TEST(File, AFullDiskKeepsTheOldFileWhole) {
   EXPECT_EQ(scratch.file_count(), 1U);
 }
 
+TEST(File, TheEndIsReplaced) {
+  const Scratch scratch;
+  write_file(scratch / "f", "one, two.");
+  replace_end(scratch / "f", 8, ", three.");
+  EXPECT_EQ(read_file(scratch / "f"), "one, two, three.");
+  replace_end(scratch / "f", 3, ".");
+  EXPECT_EQ(read_file(scratch / "f"), "one.");
+  EXPECT_THAT(error_of<InputError>([&] { replace_end(scratch / "f", 5, "x"); }),
+              testing::AllOf(HasSubstr((scratch / "f").string()), HasSubstr("shortened")));
+  EXPECT_THAT(error_of<InputError>([&] { replace_end(scratch / "none", 0, "x"); }),
+              HasSubstr("No such file"));
+  EXPECT_FALSE(fs::exists(scratch / "none"));
+}
+
+TEST(File, AFullDiskKeepsTheOldEnd) {
+  const Scratch scratch;
+  const TinyDisk disk(scratch.folder());
+  if (!disk.mounted()) GTEST_SKIP() << "a small file system can only be mounted by root";
+  const std::string old(5000, 'o');
+  write_file(scratch / "f", old);
+  EXPECT_THAT(
+      error_of<InputError>([&] { replace_end(scratch / "f", 10, std::string(1'000'000, 'x')); }),
+      HasSubstr("No space left"));
+  EXPECT_EQ(read_file(scratch / "f"), old);
+}
+
 TEST(File, AReadOnlyDiskIsAnError) {
   const Scratch scratch;
   if (::mount("tmpfs", scratch.folder().c_str(), "tmpfs", MS_RDONLY, "size=65536") != 0)

@@ -27,6 +27,18 @@ const Labelling kLabelling{.label_names = {"body", "handle"},
                            .energy = 1.5,
                            .proven_optimal = true};
 
+// The file after these frames.
+std::string text_of(const std::vector<Result>& results, std::string_view earlier = "",
+                    std::string_view redone = "") {
+  ResultsText text(earlier, redone);
+  std::string file = text.begun();
+  for (const auto& result : results) {
+    const auto growth = text.add(result);
+    file.replace(growth.at, std::string::npos, growth.bytes);
+  }
+  return file;
+}
+
 TEST(Results, CountOnlyPointsThatWereNotRemoved) {
   const Result result = result_of("mug", kInput, kSegments, kLabelling);
   EXPECT_EQ(result.points, 4);
@@ -42,7 +54,7 @@ TEST(Results, JsonHoldsFramesAndTheirMean) {
   Result bare = labelled;
   bare.name = "scan";
   bare.evaluation.reset();
-  const auto json = nlohmann::json::parse(results_json(std::vector{labelled, bare}));
+  const auto json = nlohmann::json::parse(text_of({labelled, bare}));
   ASSERT_EQ(json["frames"].size(), 2U);
   EXPECT_EQ(json["frames"][0]["points_per_label"]["body"], 3);
   EXPECT_EQ(json["frames"][0]["notes"][0], "one point removed");
@@ -56,16 +68,56 @@ TEST(Results, EarlierOnesStayUnlessTheyAreDoneAgain) {
   Result first = result_of("first", kInput, kSegments, kLabelling);
   Result second = result_of("second", kInput, kSegments, kLabelling);
   Result third = result_of("third", kInput, kSegments, kLabelling);
-  const std::string whole = results_json(std::vector{first, second, third});
-  EXPECT_EQ(results_json(std::vector{third}, results_json(std::vector{first, second})), whole);
-  EXPECT_EQ(results_json(std::vector{second, third}, results_json(std::vector{first, second})),
-            whole);
-  EXPECT_THROW(results_json({}, "[1, 2"), InputError);
-  EXPECT_THROW(results_json({}, "{\"frames\": [{\"label\": 1}]}"), InputError);
+  const std::string two = text_of({first, second});
+  const std::string whole = text_of({first, second, third});
+  EXPECT_EQ(text_of({third}, two), whole);
+  EXPECT_TRUE(ResultsText(two).began_with("second"));
+  EXPECT_FALSE(ResultsText(two).began_with("third"));
+  EXPECT_EQ(text_of({second, third}, two, "second"), whole);
+  EXPECT_THROW(ResultsText("[1, 2"), InputError);
+  EXPECT_THROW(ResultsText("{\"frames\": [{\"label\": 1}]}"), InputError);
+  EXPECT_THROW(ResultsText("something else"), InputError);
+}
+
+// What there is does not grow with what was there before.
+TEST(Results, GrowByAFrame) {
+  const Result frame = result_of("mug", kInput, kSegments, kLabelling);
+  ResultsText text;
+  std::size_t size = text.begun().size();
+  for (int i = 0; i < 100; ++i) {
+    const auto growth = text.add(frame);
+    EXPECT_LE(growth.at, size);
+    EXPECT_LT(growth.bytes.size(), 2000U);
+    size = growth.at + growth.bytes.size();
+  }
+}
+
+// A sink that is killed in the middle of a frame leaves the others.
+TEST(Results, CutOffInAFrameLackOnlyThat) {
+  const Result first = result_of("first", kInput, kSegments, kLabelling);
+  const Result second = result_of("second", kInput, kSegments, kLabelling);
+  ResultsText text;
+  const std::string none = text.begun();
+  const auto with_one = text.add(first);
+  std::string one = none;
+  one.replace(with_one.at, std::string::npos, with_one.bytes);
+  const auto with_two = text.add(second);
+  const auto cut = [](std::string file, const ResultsText::Growth& growth, std::size_t written) {
+    file.replace(growth.at, written, growth.bytes.substr(0, written));
+    return file;
+  };
+  for (std::size_t n = 0; n < with_one.bytes.size(); ++n) {
+    const std::string mended = ResultsText(cut(none, with_one, n)).begun();
+    EXPECT_TRUE(mended == none || mended == one) << n;
+  }
+  for (std::size_t n = 0; n < with_two.bytes.size(); ++n) {
+    const std::string mended = ResultsText(cut(one, with_two, n)).begun();
+    EXPECT_TRUE(mended == one || mended == text_of({first, second})) << n;
+  }
 }
 
 TEST(Results, WithoutTrueLabelsThereIsNoMean) {
-  EXPECT_FALSE(nlohmann::json::parse(results_json({})).contains("mean"));
+  EXPECT_FALSE(nlohmann::json::parse(text_of({})).contains("mean"));
 }
 
 TEST(Results, PictureIsWiderWithReferenceAndTrueLabels) {
@@ -121,7 +173,7 @@ TEST(Results, JsonReplacesWhatIsNotUtf8) {
   odd.name = "m\xffg";
   odd.notes = {"\xc3"};
   odd.energy = std::numeric_limits<double>::quiet_NaN();
-  const auto json = nlohmann::json::parse(results_json({&odd, 1}));
+  const auto json = nlohmann::json::parse(text_of({odd}));
   EXPECT_EQ(json["frames"][0]["name"], "m\xef\xbf\xbdg");
   EXPECT_TRUE(json["frames"][0]["energy"].is_null());
 }

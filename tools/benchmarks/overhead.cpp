@@ -21,14 +21,14 @@ namespace fs = std::filesystem;
 
 // What `cosegraph segment` does with a file, as plain calls.
 void direct(const fs::path& file, const Model& model, const pipeline::Config& config,
-            const fs::path& folder, std::vector<sink::Result>& results) {
+            const fs::path& folder, sink::ResultsText& results) {
   const pipeline::Result result = pipeline::segment(io::read_cloud(file), model, config);
   const sink::Labelled labelled = sink::to_input(result.features.frame.input, result.labelling);
   const io::Column confidence{.name = "confidence", .value = labelled.confidence};
   io::write_cloud(folder / file.filename(), labelled.cloud, {&confidence, 1});
-  results.push_back(
+  const auto growth = results.add(
       sink::result_of(file.stem(), result.features.frame.input, result.segments, result.labelling));
-  io::write_file(folder / "results.json", sink::results_json(results));
+  io::replace_end(folder / "results.json", growth.at, growth.bytes);
 }
 
 // Wall milliseconds of `cosegraph segment` on a folder of queries.
@@ -63,8 +63,9 @@ int bench_overhead(int frames) {
                         subject.queries[static_cast<std::size_t>(i) % subject.queries.size()]);
     }
 
-  std::vector<sink::Result> results;
+  sink::ResultsText results;
   fs::create_directories(folder / "direct");
+  io::write_file(folder / "direct" / "results.json", results.begun());
   const Spent calls = measure([&] {
     for (int i = 0; i < frames; ++i)
       direct(folder / "long" / ("q" + std::to_string(i) + ".ply"), model, config, folder / "direct",
