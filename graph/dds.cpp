@@ -83,6 +83,10 @@ rtps::Locator_t udp_locator(const std::string& field, const std::string& address
   return locator;
 }
 
+bool is_run_on_this_host(const GraphDescription& graph) {
+  return graph.dds.discovery == Discovery::multicast && !graph.instance.empty();
+}
+
 // A run on this host has a multicast port of its own. On the domain's, the participants of all runs
 // would take note of each other, at a cost that grows with the square of their number.
 void set_port_of_run(const std::string& instance, dds::DomainParticipantQos& qos) {
@@ -91,13 +95,11 @@ void set_port_of_run(const std::string& instance, dds::DomainParticipantQos& qos
   std::uint32_t sum = 0;
   for (const char letter : instance) sum = 31 * sum + static_cast<unsigned char>(letter);
   auto& builtin = qos.wire_protocol().builtin;
-  // Announcements go to that port alone; else also to each participant that is known.
-  builtin.avoid_builtin_multicast = false;
   rtps::Locator_t multicast;
   rtps::IPLocator::createLocator(LOCATOR_KIND_UDPv4, "239.255.0.1", kFirst + sum % kCount,
                                  multicast);
   builtin.metatrafficMulticastLocatorList.push_back(multicast);
-  // As usual: all interfaces, the port that the domain gives to the participant.
+  // As usual: the port that the domain gives to the participant.
   rtps::Locator_t unicast;
   rtps::IPLocator::createLocator(LOCATOR_KIND_UDPv4, "0.0.0.0", 0, unicast);
   builtin.metatrafficUnicastLocatorList.push_back(unicast);
@@ -193,20 +195,26 @@ std::shared_ptr<eprosima::fastdds::rtps::FlowControllerDescriptor> rate_limit(do
   return result;
 }
 
+// Without this, what is said to all goes out by every interface, and comes back by each.
+void keep_on_this_host(Udp& udp) {
+  udp.interfaceWhiteList.emplace_back("127.0.0.1");
+}
+
 // UDP only: a process that is killed in the middle of a write to shared memory can leave a lock
 // behind that stops its readers for good.
-dds::DomainParticipantQos udp_qos(const std::string& name, std::uint32_t message_size) {
+dds::DomainParticipantQos udp_qos(const std::string& name, std::shared_ptr<Udp> udp) {
   dds::DomainParticipantQos qos;
   qos.name(name);
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(udp_transport(message_size));
+  qos.transport().user_transports.push_back(std::move(udp));
   return qos;
 }
 
 dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const std::string& name,
                                           bool between_hosts) {
-  dds::DomainParticipantQos qos =
-      udp_qos(name, between_hosts ? message_size_between_hosts(graph) : 0);
+  auto udp = udp_transport(between_hosts ? message_size_between_hosts(graph) : 0);
+  if (is_run_on_this_host(graph)) keep_on_this_host(*udp);
+  dds::DomainParticipantQos qos = udp_qos(name, std::move(udp));
   if (graph.dds.rate > 0.0) qos.flow_controllers().push_back(rate_limit(graph.dds.rate));
   auto& discovery = qos.wire_protocol().builtin.discovery_config;
   // A participant that is silent for so long is given up, with what was sent to it. Those of one
@@ -217,8 +225,12 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
   else
     discovery.leaseDuration = {2, 0};
   discovery.leaseDuration_announcementperiod = milliseconds(500);
-  if (graph.dds.discovery == Discovery::multicast && !graph.instance.empty())
+  if (is_run_on_this_host(graph)) {
+    // All of a run announce themselves to all, and a process that ends is noticed without: rarely.
+    if (!graph.one_process) discovery.leaseDuration = {3, 0};
+    discovery.leaseDuration_announcementperiod = {1, 0};
     set_port_of_run(graph.instance, qos);
+  }
   if (graph.dds.discovery == Discovery::peers) set_peers(graph.dds.peers, qos);
   if (graph.dds.discovery == Discovery::server) set_server(graph.dds.server, discovery);
   return qos;
@@ -265,6 +277,7 @@ struct Participant::Impl {
   dds::Subscriber* subscriber = nullptr;
   std::mutex mutex;
   std::map<std::string, dds::Topic*> topics;
+  bool is_on_one_host = false;         // the graph
   std::set<std::string> rate_limited;  // topics
 
   ~Impl() {
@@ -377,6 +390,7 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
     : impl_(std::make_unique<Impl>()) {
   require_keys(graph, identity);
   for (const auto& host : graph.hosts) count_as_connected(host.address);
+  impl_->is_on_one_host = graph.hosts.empty();
   const auto between_hosts = topics_between_hosts(graph, name);
   if (graph.dds.rate > 0.0) impl_->rate_limited = between_hosts;
   dds::DomainParticipantQos qos = participant_qos(graph, name, !between_hosts.empty());
@@ -385,7 +399,7 @@ Participant::Participant(const GraphDescription& graph, const std::string& name,
 }
 
 Participant::Participant(int domain, const std::string& name) : impl_(std::make_unique<Impl>()) {
-  impl_->join(domain, udp_qos(name, 0), "", nullptr);
+  impl_->join(domain, udp_qos(name, udp_transport(0)), "", nullptr);
 }
 
 Participant::~Participant() = default;
@@ -394,7 +408,10 @@ std::unique_ptr<Writer> Participant::writer(const std::string& topic, std::strin
                                             const EndpointQos& wanted) {
   dds::DataWriterQos qos;
   set_common(qos, wanted);
-  qos.reliable_writer_qos().times.heartbeatPeriod = milliseconds(50);
+  // A heartbeat is answered by every reader. Where hardly anything gets lost there is none with
+  // each sample, as there would be once a history is full, but one for all of a while.
+  qos.reliable_writer_qos().disable_heartbeat_piggyback = impl_->is_on_one_host;
+  qos.reliable_writer_qos().times.heartbeatPeriod = milliseconds(impl_->is_on_one_host ? 100 : 50);
   if (impl_->rate_limited.contains(topic)) {
     qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
     qos.publish_mode().flow_controller_name = kRateLimit;

@@ -1,16 +1,14 @@
 #include "graph/discovery_server.hpp"
 
-#include <fcntl.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <sstream>
+
+#include "graph/child_process.hpp"
 
 namespace cosegraph::graph {
 namespace {
@@ -71,24 +69,7 @@ DiscoveryServer::~DiscoveryServer() {
 }
 
 void DiscoveryServer::start() {
-  std::vector<char*> arguments;
-  for (auto& word : command_) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  const pid_t parent = ::getpid();
-  pid_ = ::fork();
-  if (pid_ < 0) throw Error("cannot start " + command_[0] + ": " + std::strerror(errno));
-  if (pid_ == 0) {  // only async-signal-safe calls from here on
-    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (::getppid() != parent) ::_exit(1);
-    ::setpgid(0, 0);  // Ctrl-C reaches the parent alone
-    sigset_t none;
-    sigemptyset(&none);
-    ::sigprocmask(SIG_SETMASK, &none, nullptr);
-    const int nothing = ::open("/dev/null", O_RDWR);
-    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nothing, stream);
-    ::execv(arguments[0], arguments.data());
-    ::_exit(127);
-  }
+  pid_ = start_child(command_, {.death_signal = SIGKILL});
   started_ = Clock::now();
 }
 

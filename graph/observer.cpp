@@ -14,11 +14,11 @@ constexpr auto kForgotten = std::chrono::seconds(2);
 
 }  // namespace
 
-Observer::Observer(const GraphDescription& graph)
-    : graph_(graph), participant_(graph, graph.graph + "/observer") {
-  const auto read = [&](const char* what, const char* type, int depth, auto take) {
+Observer::Observer(const GraphDescription& graph, const std::string& name)
+    : graph_(graph), participant_(graph, graph.graph + "/" + name) {
+  const auto read = [&](const char* what, const char* type, EndpointQos qos, auto take) {
     readers_.push_back(participant_.reader(
-        control_topic(graph, what), type, {.depth = depth}, [this, take](const Sample& sample) {
+        control_topic(graph, what), type, qos, [this, take](const Sample& sample) {
           try {
             const idl::FrameHeader header = idl::decode_header(*sample);
             const std::scoped_lock lock(mutex_);
@@ -30,7 +30,9 @@ Observer::Observer(const GraphDescription& graph)
           news_.notify_all();
         }));
   };
-  read("stage_status", "StageStatus", kStatusDepth,
+  // Said over and over: what gets lost need not be sent again.
+  constexpr EndpointQos kStatus{.depth = kStatusDepth, .keep_for_late = false, .reliable = false};
+  read("stage_status", "StageStatus", kStatus,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          const StageNode* node = graph_.stage(header.stage);
          auto status = idl::decode<idl::StageStatus>(bytes);
@@ -41,13 +43,13 @@ Observer::Observer(const GraphDescription& graph)
          if (header.generation < seen.header.generation && now - seen.heard < kForgotten) return;
          seen = {header, std::move(status), now};
        });
-  read("agent_status", "AgentStatus", kStatusDepth,
+  read("agent_status", "AgentStatus", kStatus,
        [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
          auto status = idl::decode<idl::AgentStatus>(bytes);
          const std::string host = status.host;
          agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
        });
-  read("frame_failure", "FrameFailure", 2 * graph.window + 2,
+  read("frame_failure", "FrameFailure", {.depth = 2 * graph.window + 2},
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          if (graph_.stage(header.stage) == nullptr) return;
          failures_.push_back({.stage = header.stage,

@@ -36,7 +36,8 @@ struct ObservedFailure {
 
 class Observer {
  public:
-  explicit Observer(const GraphDescription& graph);
+  // `name` of its participant, for whoever lists the readers of a topic.
+  explicit Observer(const GraphDescription& graph, const std::string& name = "observer");
 
   // The processes in their places, by process_name(); candidates for a swap are left out.
   std::map<std::string, Observed> stages() const;
@@ -45,6 +46,9 @@ class Observer {
   std::vector<ObservedFailure> failures(std::size_t known = 0) const;
   // Waits for news, at most `patience`.
   void wait(std::chrono::milliseconds patience);
+
+  // For more to read and write: each participant costs all others of a graph.
+  Participant& participant() { return participant_; }
 
  private:
   mutable std::mutex mutex_;

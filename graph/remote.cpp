@@ -19,8 +19,9 @@ using Clock = std::chrono::steady_clock;
 using idl::ReplyState;
 
 struct Remote::Impl {
-  explicit Impl(const GraphDescription& description)
-      : graph(description), observer(description), participant(graph, graph.graph + "/command") {
+  Impl(const GraphDescription& description, const std::string& name)
+      : graph(description), observer(description, name) {
+    Participant& participant = observer.participant();
     commands = participant.writer(control_topic(graph, "command"), "Command", {.depth = 16});
     replies = participant.reader(control_topic(graph, "reply"), "Reply", {.depth = 16},
                                  [this](const Sample& sample) { keep(sample, heard_replies); });
@@ -56,13 +57,13 @@ struct Remote::Impl {
   std::deque<idl::Reply> heard_replies;
   std::deque<idl::LogLines> heard_lines;
   Observer observer;
-  Participant participant;
   std::unique_ptr<Writer> commands;
   std::unique_ptr<Reader> replies;
   std::unique_ptr<Reader> log;
 };
 
-Remote::Remote(const GraphDescription& graph) : impl_(std::make_unique<Impl>(graph)) {}
+Remote::Remote(const GraphDescription& graph, const std::string& name)
+    : impl_(std::make_unique<Impl>(graph, name)) {}
 
 Remote::~Remote() = default;
 
@@ -118,7 +119,7 @@ void Remote::give_up() {
 void Remote::logs(const std::function<bool(const idl::LogLines&)>& take,
                   std::chrono::milliseconds patience) {
   if (impl_->log == nullptr)
-    impl_->log = impl_->participant.reader(
+    impl_->log = impl_->observer.participant().reader(
         control_topic(impl_->graph, "log"), "LogLines", {.depth = 64},
         [this](const Sample& sample) { impl_->keep(sample, impl_->heard_lines); });
   const auto until = Clock::now() + patience;

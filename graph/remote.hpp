@@ -16,8 +16,8 @@ namespace cosegraph::graph {
 
 class Remote {
  public:
-  // `graph` with its instance, see find_run().
-  explicit Remote(const GraphDescription& graph);
+  // `graph` with its instance, see find_run(); `name` of its participant.
+  explicit Remote(const GraphDescription& graph, const std::string& name = "command");
   ~Remote();
 
   // Waits until the agents that are there have been heard: `patience` at most, less once all hosts

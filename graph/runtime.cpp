@@ -241,12 +241,19 @@ class StageRunner::Impl final : public StageHost {
            const auto command = idl::decode<idl::Command>(*sample);
            if (command.stage == node_.name) obey(command);
          });
-    read(control_topic(graph_, "stage_status"), "StageStatus", {.depth = kStatusDepth},
+    read(control_topic(graph_, "stage_status"), "StageStatus", status_qos(),
          [this](const FrameHeader& header, const Sample& sample) { hear(header, *sample); });
     if (source_ != nullptr)
       open_source_readers(frames);
     else
       open_stream_readers(frames);
+  }
+
+  // What a stage says of itself it says over and over; only who goes on in the middle of a stream,
+  // or has others' frames to do, must miss nothing, and know at once.
+  EndpointQos status_qos() const {
+    const bool all = options_.generation > 0 || !node_.replicas.empty();
+    return {.depth = kStatusDepth, .keep_for_late = all, .reliable = all};
   }
 
   using LatchedValues = std::deque<std::pair<std::uint64_t, Sample>>;  // by model id, newest last
@@ -820,8 +827,10 @@ class StageRunner::Impl final : public StageHost {
       const auto now = Clock::now();
       if (!waiting && join_.position().epoch != 0) waiting = now;
       if (waiting && now - *waiting > kResumePatience) join_.resume_anyway();
+      // Who is started in mid-stream begins there: the frames since must still be kept for it.
       const bool news =
-          source_ != nullptr && ledger_.settled(next_admission_) != published_settled_;
+          source_ != nullptr && ledger_.settled(next_admission_) >=
+                                    published_settled_ + static_cast<std::uint64_t>(graph_.window);
       lock.unlock();
       try {
         if (source_ != nullptr) check_deadlines();

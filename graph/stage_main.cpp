@@ -6,12 +6,14 @@
 #include <thread>
 
 #include "graph/description.hpp"
+#include "graph/process.hpp"
 #include "graph/runtime.hpp"
 #include "io/file.hpp"
 
 namespace cosegraph::graph {
 
 int stage_main(int argc, char** argv, const std::string& kind, const StageFactory& make) {
+  set_up_process();
   CLI::App app("One stage of a cosegraph graph: " + make()->summary());
   app.footer("Usually started by 'cosegraph up'. By hand, in a terminal per stage:\n  cosegraph-" +
              kind + " --graph segment.yaml --stage " + kind + " --leaves sink");

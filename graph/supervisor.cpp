@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -14,6 +13,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "graph/child_process.hpp"
 #include "graph/control.hpp"
 #include "graph/journal.hpp"
 #include "io/file.hpp"
@@ -191,37 +191,18 @@ void Supervisor::start(Process& process) {
                                  "--journal",
                                  journal};
   if (process.info.candidate) words.emplace_back("--standby");
-  std::vector<char*> arguments;
-  for (auto& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-
   const std::string log_file = file_of(process, "log").string();
   const int log = ::open(log_file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
   if (log < 0) throw InputError(log_file + ": " + std::strerror(errno));
   open_log(process);
-  const pid_t parent = ::getpid();
-  const pid_t pid = ::fork();
-  if (pid < 0) {
+  pid_t pid = -1;
+  try {
+    // Stopping a graph, Ctrl-C is the parent's, who then stops everybody in order.
+    pid = start_child(std::move(words),
+                      {.output = log, .death_signal = options_.detached ? 0 : SIGTERM});
+  } catch (const Error&) {
     ::close(log);
-    throw Error(std::string("cannot start a process: ") + std::strerror(errno));
-  }
-  if (pid == 0) {  // only async-signal-safe calls from here on
-    if (options_.detached) {
-      ::setsid();
-    } else {
-      ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-      if (::getppid() != parent) ::_exit(1);
-      ::setpgid(0, 0);  // Ctrl-C reaches the parent alone, which then stops everybody in order
-    }
-    sigset_t none;
-    sigemptyset(&none);
-    ::sigprocmask(SIG_SETMASK, &none, nullptr);
-    const int nothing = ::open("/dev/null", O_RDONLY);
-    ::dup2(nothing, STDIN_FILENO);
-    ::dup2(log, STDOUT_FILENO);
-    ::dup2(log, STDERR_FILENO);
-    ::execv(arguments[0], arguments.data());
-    ::_exit(127);
+    throw;
   }
   ::close(log);
   if (process.pidfd >= 0) ::close(process.pidfd);

@@ -17,6 +17,7 @@
 #include "coseg_model.h"
 #include "coseg_segments.h"
 #include "idl/layout.hpp"
+#include "idl/runs.hpp"
 #include "model/model.hpp"
 
 template <>
@@ -244,7 +245,7 @@ Segments take(msg::Segments& message) {
 template <>
 struct MessageOf<Descriptors> {
   using Type = msg::Descriptors;
-  static constexpr std::string_view kLayout = "s[s4ff]";
+  static constexpr std::string_view kLayout = "s[s4fff]";
 };
 
 void fill(msg::Descriptors& message, const Descriptors& value) {
@@ -254,24 +255,26 @@ void fill(msg::Descriptors& message, const Descriptors& value) {
     out.name(channel.name);
     out.dimension(channel.dimension);
     out.keypoint(channel.keypoint);
-    out.values(channel.value);
+    pack(channel.value, out.runs(), out.values());
   }
 }
 
 Descriptors take(msg::Descriptors& message) {
   Descriptors value{.recipe = std::move(message.recipe())};
+  Unpacker unpacker;
   for (auto& channel : message.channels()) {
     require(channel.dimension() > 0, "a channel has no dimension");
-    require(channel.values().size() ==
-                channel.keypoint().size() * static_cast<std::size_t>(channel.dimension()),
-            "a channel's values do not fit its keypoints");
+    auto numbers = unpacker.unpack(channel.runs(), channel.values());
+    require(
+        numbers.size() == channel.keypoint().size() * static_cast<std::size_t>(channel.dimension()),
+        "a channel's values do not fit its keypoints");
     require(std::ranges::all_of(channel.keypoint(), [](std::int32_t i) { return i >= 0; }),
             "a keypoint is negative");
     require(all_finite(channel.values()), "a descriptor is not finite");
     value.channels.push_back({.name = std::move(channel.name()),
                               .dimension = channel.dimension(),
                               .keypoint = std::move(channel.keypoint()),
-                              .value = std::move(channel.values())});
+                              .value = std::move(numbers)});
   }
   return value;
 }
@@ -317,53 +320,11 @@ struct MessageOf<Encodings> {
   static constexpr std::string_view kLayout = "44fff";
 };
 
-// Most of a Fisher vector is 0: components that none of its descriptors belongs to. Runs of zeros
-// are not sent.
 void fill(msg::Encodings& message, const Encodings& value) {
-  constexpr std::size_t kLeast = 4;  // zeros that are worth a run
   message.segment_count(value.segment_count);
   message.dimension(value.dimension);
   message.segment(value.segment);
-  const auto is_zero = [&](std::size_t i) {
-    return std::bit_cast<std::uint32_t>(value.value[i]) == 0;
-  };
-  const std::size_t count = value.value.size();
-  for (std::size_t at = 0; at < count;) {
-    std::size_t begin = at;
-    while (begin < count && is_zero(begin)) ++begin;
-    std::size_t end = begin;
-    for (std::size_t i = begin; i < count && i - end < kLeast; ++i)
-      if (!is_zero(i)) end = i + 1;
-    message.runs().push_back(static_cast<std::int32_t>(begin - at));
-    message.runs().push_back(static_cast<std::int32_t>(end - begin));
-    message.values().insert(message.values().end(),
-                            value.value.begin() + static_cast<std::ptrdiff_t>(begin),
-                            value.value.begin() + static_cast<std::ptrdiff_t>(end));
-    at = end;
-  }
-}
-
-// The numbers of `values` where `runs` puts them, `count` in all.
-std::vector<float> unpacked(const std::vector<std::int32_t>& runs, std::span<const float> values,
-                            std::size_t count) {
-  std::size_t zeros = 0;
-  std::size_t given = 0;
-  for (std::size_t r = 0; r + 1 < runs.size(); r += 2) {
-    require(runs[r] >= 0 && runs[r + 1] >= 0, "a run is shorter than nothing");
-    zeros += static_cast<std::size_t>(runs[r]);
-    given += static_cast<std::size_t>(runs[r + 1]);
-  }
-  require(runs.size() % 2 == 0 && given == values.size() && zeros + given == count,
-          "values do not fit packets");
-  std::vector<float> result(count);
-  auto to = result.begin();
-  for (std::size_t r = 0; r < runs.size(); r += 2) {
-    to += runs[r];
-    const auto length = static_cast<std::size_t>(runs[r + 1]);
-    to = std::ranges::copy(values.first(length), to).out;
-    values = values.subspan(length);
-  }
-  return result;
+  pack(value.value, message.runs(), message.values());
 }
 
 Encodings take(msg::Encodings& message) {
@@ -375,9 +336,9 @@ Encodings take(msg::Encodings& message) {
   require_indices(value.segment, static_cast<std::size_t>(value.segment_count),
                   "a packet names a segment that does not exist");
   require(all_finite(message.values()), "a vector is not finite");
-  const std::size_t count = value.segment.size() * static_cast<std::size_t>(value.dimension);
-  require(count <= kMostEncoded, "the vectors are too large");
-  value.value = unpacked(message.runs(), message.values(), count);
+  value.value = Unpacker().unpack(message.runs(), message.values());
+  require(value.value.size() == value.segment.size() * static_cast<std::size_t>(value.dimension),
+          "values do not fit packets");
   return value;
 }
 

@@ -11,6 +11,7 @@
 #include "core/error.hpp"
 #include "core/fields.hpp"
 #include "idl/codec.hpp"
+#include "idl/runs.hpp"
 #include "idl/schema.hpp"
 
 namespace cosegraph::idl {
@@ -187,10 +188,26 @@ class Reader {
     std::vector<Node> result;
     result.reserve(declarations.size());
     for (const auto& declaration : declarations) result.push_back(member(declaration));
+    const auto runs = unpack(result);
     for (std::size_t i = 0; i < result.size(); ++i)
       if (result[i].is_list && result[i].is_number())
         result[i].columns = columns_of(result[i], declarations[i].comment, result, declarations);
+    if (runs != result.end()) result.erase(runs);  // told by where the zeros are
     return result;
+  }
+
+  // Puts zeros back where `runs` says; returns these, or the end if there are none.
+  std::vector<Node>::iterator unpack(std::vector<Node>& members) {
+    const auto values = std::ranges::find(members, "values", &Node::name);
+    if (values == members.begin() || values == members.end()) return members.end();
+    const auto runs = std::prev(values);
+    if (runs->name != "runs") return members.end();
+    values->unpacked = std::make_shared<const std::vector<float>>(
+        unpacker_.unpack(runs->all_as<std::int32_t>(), values->all_as<float>()));
+    values->numbers = {reinterpret_cast<const std::uint8_t*>(values->unpacked->data()),
+                       values->unpacked->size() * sizeof(float)};
+    values->swapped = false;
+    return runs;
   }
 
   Node member(const Declaration& declaration) {
@@ -249,6 +266,7 @@ class Reader {
   bool swapped_ = false;
   std::span<const std::uint8_t> body_;
   std::size_t at_ = 0;
+  Unpacker unpacker_;
 };
 
 template <class T>
@@ -257,6 +275,13 @@ T read(const Node& node, std::size_t index) {
   std::memcpy(raw.data(), node.numbers.data() + index * sizeof(T), sizeof(T));
   if (node.swapped) std::ranges::reverse(raw);
   return std::bit_cast<T>(raw);
+}
+
+template <class T, class Wide>
+std::vector<Wide> widened(const Node& node) {
+  std::vector<Wide> values(node.size());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<Wide>(read<T>(node, i));
+  return values;
 }
 
 // -- paths ---------------------------------------------------------------------------------------
@@ -327,6 +352,37 @@ Number Node::number(std::size_t index) const {
 double Node::as_double(std::size_t index) const {
   return std::visit([](auto value) { return static_cast<double>(value); }, number(index));
 }
+
+template <class Wide>
+std::vector<Wide> Node::all_as() const {
+  switch (kind) {
+    case Kind::boolean:
+    case Kind::octet:
+      return widened<std::uint8_t, Wide>(*this);
+    case Kind::int32:
+      return widened<std::int32_t, Wide>(*this);
+    case Kind::uint32:
+      return widened<std::uint32_t, Wide>(*this);
+    case Kind::int64:
+      return widened<std::int64_t, Wide>(*this);
+    case Kind::uint64:
+      return widened<std::uint64_t, Wide>(*this);
+    case Kind::float32:
+      return widened<float, Wide>(*this);
+    case Kind::float64:
+      return widened<double, Wide>(*this);
+    case Kind::text:
+    case Kind::structure:
+      break;
+  }
+  throw Error("'" + std::string(name) + "' is not a list of numbers");
+}
+
+template std::vector<double> Node::all_as() const;
+template std::vector<float> Node::all_as() const;
+template std::vector<std::int32_t> Node::all_as() const;
+template std::vector<std::int64_t> Node::all_as() const;
+template std::vector<std::uint64_t> Node::all_as() const;
 
 Node inspect(std::string_view type, std::span<const std::uint8_t> bytes) {
   if (std::ranges::find(type_names(), type) == type_names().end())

@@ -5,14 +5,6 @@
 namespace cosegraph::idl {
 namespace {
 
-template <class Wide>
-std::vector<Wide> widened(const Node& node) {
-  std::vector<Wide> values(node.size());
-  for (std::size_t i = 0; i < values.size(); ++i)
-    values[i] = std::visit([](auto value) { return static_cast<Wide>(value); }, node.number(i));
-  return values;
-}
-
 void add(const Node& node, const std::string& name, std::vector<Member>& result) {
   if (node.kind == Kind::structure) {
     const std::string prefix = name.empty() ? "" : name + ".";
@@ -29,17 +21,17 @@ void add(const Node& node, const std::string& name, std::vector<Member>& result)
   switch (node.kind) {
     case Kind::float32:
     case Kind::float64:
-      member.values = widened<double>(node);
+      member.values = node.all_as<double>();
       break;
     case Kind::int32:
     case Kind::int64:
-      member.values = widened<std::int64_t>(node);
+      member.values = node.all_as<std::int64_t>();
       break;
     case Kind::text:
       member.values = std::vector<std::string>(node.texts.begin(), node.texts.end());
       break;
     default:
-      member.values = widened<std::uint64_t>(node);
+      member.values = node.all_as<std::uint64_t>();
   }
 }
 

@@ -1,6 +1,7 @@
 #include "idl/present.hpp"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <cmath>
@@ -8,6 +9,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <ranges>
+#include <span>
+
+#include "core/vectors.hpp"
 
 namespace cosegraph::idl {
 namespace {
@@ -240,20 +244,64 @@ Json list_json(const Node& list, const Presentation& presentation) {
 
 }  // namespace
 
+namespace {
+
+// Range of each column, and how many are NaN. No comparison with NaN is true.
+void summarise(std::span<const double> values, std::size_t columns, Summary& summary) {
+  std::size_t c = 0;
+  for (const double value : values) {
+    if (value < summary.least[c]) summary.least[c] = value;
+    if (value > summary.greatest[c]) summary.greatest[c] = value;
+    summary.nans += std::isnan(value) ? 1 : 0;
+    if (++c == columns) c = 0;
+  }
+}
+
+// The same for long lists: in lanes whose number is a multiple of 1, 2, 3 and 4 columns.
+void summarise(std::span<const float> values, std::size_t columns, Summary& summary) {
+  constexpr std::size_t kVectors = 3;
+  constexpr std::size_t kLanes = kVectors * kWidth<Narrow>;
+  using Counts [[gnu::vector_size(sizeof(Narrow))]] = std::int32_t;
+  std::array<Narrow, kVectors> least;
+  std::array<Narrow, kVectors> greatest;
+  std::array<Counts, kVectors> nans{};
+  least.fill(Narrow{} + std::numeric_limits<float>::infinity());
+  greatest.fill(Narrow{} - std::numeric_limits<float>::infinity());
+  const std::size_t whole = values.size() / kLanes * kLanes;
+  for (std::size_t at = 0; at < whole; at += kLanes)
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const auto value = load<Narrow>(values.data() + at + v * kWidth<Narrow>);
+      least[v] = value < least[v] ? value : least[v];
+      greatest[v] = value > greatest[v] ? value : greatest[v];
+      nans[v] -= value != value;  // true is -1
+    }
+  for (std::size_t lane = 0; lane < (whole > 0 ? kLanes : 0); ++lane) {
+    const std::size_t v = lane / kWidth<Narrow>;
+    const std::size_t i = lane % kWidth<Narrow>;
+    double& low = summary.least[lane % columns];
+    double& high = summary.greatest[lane % columns];
+    low = std::min(low, static_cast<double>(least[v][i]));
+    high = std::max(high, static_cast<double>(greatest[v][i]));
+    summary.nans += static_cast<std::size_t>(nans[v][i]);
+  }
+  const std::vector<double> rest(values.begin() + static_cast<std::ptrdiff_t>(whole), values.end());
+  summarise(std::span<const double>(rest), columns, summary);
+}
+
+}  // namespace
+
 Summary summary_of(const Node& list) {
   Summary summary{.rows = list.size() / list.columns, .columns = list.columns};
   const std::size_t ranges = list.columns <= kRangesShown ? list.columns : 1;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  std::vector<double> least(ranges, kInfinity);
-  std::vector<double> greatest(ranges, -kInfinity);
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    const double value = list.as_double(i);
-    summary.nans += std::isnan(value) ? 1 : 0;
-    if (std::isnan(value)) continue;
-    const std::size_t c = i % ranges;
-    least[c] = std::min(least[c], value);
-    greatest[c] = std::max(greatest[c], value);
-  }
+  auto& least = summary.least;
+  auto& greatest = summary.greatest;
+  least.assign(ranges, kInfinity);
+  greatest.assign(ranges, -kInfinity);
+  if (list.kind == Kind::float32)
+    summarise(std::span<const float>(list.all_as<float>()), ranges, summary);
+  else
+    summarise(std::span<const double>(list.all_as<double>()), ranges, summary);
   // A column of nothing but NaN has no range; then the list as a whole is described.
   if (std::ranges::any_of(std::views::iota(std::size_t{0}, ranges),
                           [&](std::size_t c) { return least[c] > greatest[c]; })) {
@@ -262,8 +310,6 @@ Summary summary_of(const Node& list) {
     least.assign(low <= high ? 1 : 0, low);
     greatest.assign(low <= high ? 1 : 0, high);
   }
-  summary.least = std::move(least);
-  summary.greatest = std::move(greatest);
   return summary;
 }
 

@@ -59,10 +59,6 @@ struct Encodings {
   std::vector<float> value;           // segment.size() x dimension, most of them 0
 };
 
-// More numbers than so many, in any message, are refused: zeros travel for nothing, so that the
-// size of a message is no bound.
-constexpr std::size_t kMostEncoded = 1U << 25U;
-
 // Appearance posterior p(l | T_i) per segment; rows sum to 1.
 struct Scores {
   std::vector<std::string> label_names;

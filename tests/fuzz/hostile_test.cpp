@@ -187,9 +187,10 @@ struct Hostile {
   std::function<Bytes(FrameHeader)> message;
 };
 
-// The longest list of numbers in `node`.
+// The longest list of numbers in `node` that stands in the message.
 std::span<const std::uint8_t> longest_list(const idl::Node& node) {
-  std::span<const std::uint8_t> longest = node.is_list ? node.numbers : decltype(node.numbers){};
+  const bool stands_there = node.is_list && node.unpacked == nullptr;
+  std::span<const std::uint8_t> longest = stands_there ? node.numbers : decltype(node.numbers){};
   for (const auto& member : node.members)
     if (const auto list = longest_list(member); list.size() > longest.size()) longest = list;
   return longest;

@@ -395,6 +395,21 @@ TEST(Codec, RunsOfZerosCostNothing) {
   EXPECT_LT(encode(kHeader, encodings).size(), empty + 3000 * sizeof(float) + 20);
 }
 
+// Histograms likewise.
+TEST(Codec, ZerosOfDescriptorsCostNothing) {
+  Descriptors descriptors{.recipe = "r"};
+  auto& channel = descriptors.channels.emplace_back(
+      DescriptorChannel{.name = "shot:0.1", .dimension = 352, .keypoint = {3, 9}});
+  channel.value.resize(704);
+  channel.value[350] = 0.5F;
+  const Descriptors got = round_trip(descriptors);
+  ASSERT_EQ(got.channels.size(), 1U);
+  EXPECT_EQ(got.channels[0].value, channel.value);
+  EXPECT_LT(encode(kHeader, descriptors).size(), 300U);
+  channel.value.pop_back();
+  EXPECT_THROW(round_trip(descriptors), InputError);
+}
+
 TEST(Codec, EncodingsThatClaimMoreThanThereIsAreRefused) {
   Encodings encodings{.segment_count = 1, .dimension = 3, .segment = {0}, .value = {1, 2}};
   EXPECT_THROW(round_trip(encodings), InputError);

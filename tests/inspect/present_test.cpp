@@ -56,6 +56,54 @@ stamp: 0  # 1970-01-01T00:00:00.000Z
 )");
 }
 
+// Runs of zeros do not travel, but are shown.
+TEST(Present, PackedNumbersAsTheyWere) {
+  Descriptors descriptors{.recipe = "r"};
+  auto& channel = descriptors.channels.emplace_back(
+      DescriptorChannel{.name = "fpfh:0.08", .dimension = 33, .keypoint = {3, 9}});
+  channel.value.resize(66);
+  channel.value[7] = 0.5F;
+  channel.value[65] = 2.0F;
+  const std::string text = text_of(descriptors);
+  EXPECT_THAT(text, HasSubstr("values: 2 x 33 floats, [0 .. 2]\n"));
+  EXPECT_THAT(text, Not(HasSubstr("runs")));
+  EXPECT_THAT(text_of(descriptors, "channels[0].values[65]"), HasSubstr("2"));
+  const Json json = json_of(descriptors, {.whole = true});
+  EXPECT_EQ(json["channels"][0]["values"].size(), 66U);
+  EXPECT_EQ(json["channels"][0]["values"][7], 0.5);
+  EXPECT_THAT(text_of(Encodings{.segment_count = 1,
+                                .dimension = 6,
+                                .segment = {0, 0},
+                                .value = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 3}}),
+              HasSubstr("values: 2 x 6 floats, [0 .. 3]\n"));
+}
+
+TEST(Present, RangesOfColumnsOfAnyNumber) {
+  for (std::int32_t columns = 1; columns <= 5; ++columns) {
+    Descriptors descriptors{.recipe = "r"};
+    auto& channel =
+        descriptors.channels.emplace_back(DescriptorChannel{.name = "any", .dimension = columns});
+    for (int row = 0; row < 31; ++row) {
+      channel.keypoint.push_back(row);
+      for (int c = 0; c < columns; ++c)
+        channel.value.push_back(static_cast<float>(10 * c + (row == 17 ? 9 : row % 4)));
+    }
+    const Bytes bytes = encode(test::kHeader, descriptors);
+    const Summary summary = summary_of(select(inspect("Descriptors", bytes), "channels[0].values"));
+    EXPECT_EQ(summary.columns, static_cast<std::size_t>(columns));
+    if (columns == 5) {
+      EXPECT_THAT(summary.least, ElementsAre(0));
+      EXPECT_THAT(summary.greatest, ElementsAre(49));
+      continue;
+    }
+    ASSERT_EQ(summary.least.size(), static_cast<std::size_t>(columns));
+    for (std::size_t c = 0; c < summary.least.size(); ++c) {
+      EXPECT_EQ(summary.least[c], 10.0 * static_cast<double>(c)) << columns;
+      EXPECT_EQ(summary.greatest[c], 10.0 * static_cast<double>(c) + 9.0) << columns;
+    }
+  }
+}
+
 TEST(Present, WholeMatricesHaveALinePerRow) {
   EXPECT_THAT(text_of(test::example_cloud(), "", {.whole = true}),
               HasSubstr("xyz:\n  - [0, 1, 2]\n  - [3, 4, 5]\n"));

@@ -53,7 +53,7 @@ int bench_learning(int repeats);     // mixtures, Fisher vectors and classifiers
 int bench_descriptors(int repeats);  // kernels of our own against PCL's
 int bench_peers(int repeats);        // each stage against the stock PCL class
 int bench_replicas(int frames);      // a slow stage as several processes
-int bench_observers(int frames);     // what looking on costs a running graph
+int bench_observers(int turns);      // what looking on costs a running graph
 int bench_soak(int repeats);         // stages swapped and killed while frames flow
 
 }  // namespace cosegraph::bench

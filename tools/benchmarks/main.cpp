@@ -73,7 +73,7 @@ int main(int argc, char** argv) {
       {"descriptors", bench::bench_descriptors, 1},
       {"peers", bench::bench_peers, 1},
       {"replicas", bench::bench_replicas, 20},
-      {"observers", bench::bench_observers, 40},
+      {"observers", bench::bench_observers, 1},
       {"soak", bench::bench_soak, 1},
   };
   std::vector<std::string> names;

@@ -1,28 +1,45 @@
 #include <signal.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
+#include <time.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
+#include <thread>
 
 #include "tools/benchmarks/bench.hpp"
 #include "tools/benchmarks/running_graph.hpp"
 
-// A graph that nobody looks at, and the same with a monitor, a recorder of all topics and three
-// `topic echo` attached.
+// A running graph, to which by turns a monitor, a recorder of all topics and three `topic echo` are
+// attached.
 namespace cosegraph::bench {
 namespace {
 
 namespace fs = std::filesystem;
 
+using namespace std::chrono_literals;
+using Clock = RunningGraph::Clock;
+
 constexpr std::array kEchoed = {"source/dense", "descriptors/descriptors", "svm/scores"};
+constexpr auto kSettle = 2s;       // what has started or ended has done so
+constexpr auto kWindow = 4s;       // in which frames are counted
+constexpr int kMostFrames = 1000;  // per turn: a stream that does not end before its time
+
+// CPU seconds of a process so far.
+double cpu_of(pid_t pid) {
+  clockid_t clock{};
+  timespec time{};
+  if (::clock_getcpuclockid(pid, &clock) != 0 || ::clock_gettime(clock, &time) != 0) return 0.0;
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 class Observers {
  public:
   explicit Observers(const RunningGraph& graph)
       : graph_(graph.file().string()), folder_(graph.folder()) {
+    fs::remove(recording());
     start("recorder", {"record", graph_, "-o", recording().string()});
     start("monitor", {"monitor", graph_, "--port", "0"});
     for (const char* topic : kEchoed)
@@ -32,27 +49,27 @@ class Observers {
   Observers& operator=(const Observers&) = delete;
   ~Observers() { end(); }
 
-  // CPU milliseconds of each by its name. The recorder comes to its end with the stream.
-  std::map<std::string, double> end() {
-    std::map<std::string, double> spent;
-    for (const auto& [name, pid] : pids_) {
-      if (name != "recorder") ::kill(pid, SIGINT);
-      rusage usage{};
-      int status = 0;
-      ::wait4(pid, &status, 0, &usage);
-      spent[name] = milliseconds(usage.ru_utime) + milliseconds(usage.ru_stime);
-    }
-    pids_.clear();
-    return spent;
+  // CPU seconds of each by its name.
+  std::map<std::string, double> spent() const {
+    std::map<std::string, double> result;
+    for (const auto& [name, pid] : pids_) result[name] = cpu_of(pid);
+    return result;
   }
 
-  // As `cosegraph info` tells it; null if there is none.
-  nlohmann::json recorded() const {
+  void end() {
+    for (const auto& [name, pid] : pids_) ::kill(pid, SIGINT);
+    for (const auto& [name, pid] : pids_) ::waitpid(pid, nullptr, 0);
+    pids_.clear();
+  }
+
+  // Whether `cosegraph info` calls it complete.
+  bool is_recording_complete() const {
     const fs::path answer = folder_ / "info.json";
     const std::string command =
         program() + " info " + recording().string() + " --json > " + answer.string();
-    if (std::system(command.c_str()) != 0) return {};
-    return nlohmann::json::parse(io::read_file(answer), nullptr, false);
+    if (std::system(command.c_str()) != 0) return false;
+    const auto info = nlohmann::json::parse(io::read_file(answer), nullptr, false);
+    return info.is_object() && info["complete"] == true;
   }
   fs::path recording() const { return folder_ / "run.mcap"; }
 
@@ -69,61 +86,103 @@ class Observers {
   std::vector<std::pair<std::string, pid_t>> pids_;
 };
 
-struct Run {
-  double rate = 0.0;                    // frames/s in the second half
-  std::map<std::string, double> spent;  // CPU ms per frame of each observer, with its start
-  std::uint64_t recorded = 0;           // bytes
-  bool whole = false;                   // all frames are labelled, all messages recorded
+struct Window {
+  Clock::time_point begin;
+  Clock::time_point end;
 };
 
-Run run(const Subject& subject, int frames, double pace, bool observed) {
-  RunningGraph graph(subject,
-                     {.frames = frames, .change = [&](graph::GraphDescription& description) {
-                        graph::set_param(description, "source", "rate", {std::to_string(pace)});
-                      }});
+Window pass() {
+  Window window{.begin = Clock::now()};
+  std::this_thread::sleep_for(kWindow);
+  window.end = Clock::now();
+  return window;
+}
+
+struct Outcome {
+  std::vector<double> alone;            // frames/s of each turn
+  std::vector<double> observed;         //
+  std::vector<double> change;           // of each against the turns alone before and after it
+  std::map<std::string, double> spent;  // CPU ms per frame of each observer, in the last turn
+  std::uint64_t recorded = 0;           // bytes, in all
+  bool whole = true;                    // no frame has failed, all messages are recorded
+};
+
+Outcome run(const Subject& subject, int turns, double pace) {
+  RunningGraph graph(
+      subject,
+      {.frames = kMostFrames * (turns + 1), .change = [&](graph::GraphDescription& description) {
+         graph::set_param(description, "source", "rate", {std::to_string(pace)});
+       }});
   graph.await_written(1);
-  std::optional<Observers> observers;
-  if (observed) observers.emplace(graph);
-  graph.await_end();
-  Run result;
-  result.rate = graph.rate(0.5);  // observers take a while to start
-  result.whole = graph.account()["labelled"] == frames;
-  if (!observers) return result;
-  for (const auto& [name, time] : observers->end()) result.spent[name] = time / frames;
-  const nlohmann::json recorded = observers->recorded();
-  result.recorded = fs::file_size(observers->recording());
-  result.whole = result.whole && recorded.is_object() && recorded["complete"] == true;
-  return result;
+  Outcome outcome;
+  std::vector<Window> alone;
+  std::vector<Window> observed;
+  std::map<std::string, double> seconds;
+  std::this_thread::sleep_for(kSettle);
+  alone.push_back(pass());
+  for (int turn = 0; turn < turns && graph.running(); ++turn) {
+    Observers observers(graph);
+    std::this_thread::sleep_for(kSettle);
+    const auto before = observers.spent();
+    observed.push_back(pass());
+    seconds = observers.spent();
+    for (const auto& [name, time] : before) seconds[name] -= time;
+    observers.end();
+    outcome.recorded += fs::file_size(observers.recording());
+    outcome.whole = outcome.whole && observers.is_recording_complete();
+    std::this_thread::sleep_for(kSettle);
+    alone.push_back(pass());
+  }
+  if (!graph.running()) throw Error("the graph has ended before its time");
+  graph.stop();
+  outcome.whole = outcome.whole && graph.account()["failed"] == 0;
+
+  const auto outputs = graph.outputs();
+  const auto rate = [&](const Window& window) {
+    const auto frames = std::ranges::lower_bound(outputs, window.end) -
+                        std::ranges::lower_bound(outputs, window.begin);
+    return static_cast<double>(frames) /
+           std::chrono::duration<double>(window.end - window.begin).count();
+  };
+  for (const auto& window : alone) outcome.alone.push_back(rate(window));
+  for (std::size_t i = 0; i < observed.size(); ++i) {
+    outcome.observed.push_back(rate(observed[i]));
+    outcome.change.push_back(2.0 * outcome.observed[i] / (outcome.alone[i] + outcome.alone[i + 1]) -
+                             1.0);
+  }
+  const double frames = outcome.observed.back() * std::chrono::duration<double>(kWindow).count();
+  for (const auto& [name, time] : seconds) outcome.spent[name] = 1e3 * time / frames;
+  return outcome;
+}
+
+double quantile(std::vector<double> values, double q) {
+  std::ranges::sort(values);
+  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
 }  // namespace
 
-int bench_observers(int frames) {
+int bench_observers(int turns) {
   const Subject subject = load_subject();
-  std::printf("observers: %s, fpfh+fv+iso, %d frames, a process per stage, one thread each\n",
-              subject.name.c_str(), frames);
+  std::printf("observers: %s, fpfh+fv+iso, %d turns, a process per stage, one thread each\n",
+              subject.name.c_str(), turns);
   bool all_whole = true;
   double full = 0.0;
   constexpr std::array<std::pair<const char*, double>, 2> kPaces{
       {{"full speed", 0.0}, {"half speed", 0.5}}};
   for (const auto& [pace, share] : kPaces) {
-    constexpr int kRounds = 3;  // in turn, so that both see the same machine
-    std::vector<double> alone;
-    std::vector<double> watched;
-    Run last;
-    for (int round = 0; round < kRounds; ++round) {
-      alone.push_back(run(subject, frames, share * full, false).rate);
-      last = run(subject, frames, share * full, true);
-      watched.push_back(last.rate);
-      all_whole = all_whole && last.whole;
-    }
-    std::printf("  %s: alone %.2f frames/s, observed %.2f (%+.1f %%)\n", pace, median(alone),
-                median(watched), 1e2 * (median(watched) / median(alone) - 1.0));
-    for (const auto& [name, time] : last.spent)
+    const Outcome outcome = run(subject, turns, share * full);
+    full = median(outcome.alone);
+    std::printf(
+        "  %s: alone %.2f frames/s, observed %.2f; change %+.1f %% (quartiles %+.1f, %+.1f)\n",
+        pace, full, median(outcome.observed), 1e2 * median(outcome.change),
+        1e2 * quantile(outcome.change, 0.25), 1e2 * quantile(outcome.change, 0.75));
+    for (const auto& [name, time] : outcome.spent)
       std::printf("    %-30s %6.2f ms CPU per frame\n", name.c_str(), time);
-    std::printf("    recorded %.1f MB, %s\n", 1e-6 * static_cast<double>(last.recorded),
-                last.whole ? "complete" : "INCOMPLETE, or frames failed");
-    full = median(alone);
+    std::printf("    recorded %.1f MB, %s\n", 1e-6 * static_cast<double>(outcome.recorded),
+                outcome.whole ? "complete" : "INCOMPLETE, or frames failed");
+    std::fflush(stdout);
+    all_whole = all_whole && outcome.whole;
   }
   return all_whole ? 0 : 1;
 }

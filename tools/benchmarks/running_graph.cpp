@@ -91,6 +91,11 @@ void RunningGraph::await_end() {
   while (running()) std::this_thread::sleep_for(20ms);
 }
 
+void RunningGraph::stop() {
+  if (running()) ::kill(pid_, SIGINT);
+  await_end();
+}
+
 void RunningGraph::await_written(int frames) {
   while (running() && written() < frames) std::this_thread::sleep_for(20ms);
 }
@@ -149,9 +154,9 @@ nlohmann::json RunningGraph::account() const {
   return report["account"];
 }
 
-double RunningGraph::rate(double from) const {
+double RunningGraph::rate() const {
   const auto outputs = this->outputs();
-  const auto first = static_cast<std::size_t>(from * static_cast<double>(outputs.size()));
+  const std::size_t first = outputs.size() / 10;
   const std::size_t last = outputs.size() * 9 / 10;
   return static_cast<double>(last - first) /
          std::chrono::duration<double>(outputs.at(last) - outputs.at(first)).count();

@@ -41,6 +41,8 @@ class RunningGraph {
   // Whether `up` has not ended.
   bool running();
   void await_end();
+  // As by Ctrl-C.
+  void stop();
   // Until so many frames have come out, or the graph is over.
   void await_written(int frames);
 
@@ -48,8 +50,8 @@ class RunningGraph {
   int written() const;
   // When each frame has come out, in order.
   std::vector<Clock::time_point> outputs() const;
-  // Frames per second from this share of the outputs on, up to the last tenth.
-  double rate(double from = 0.1) const;
+  // Frames per second without the first and the last tenth of the outputs.
+  double rate() const;
   // Resident memory of all stages, bytes.
   std::uint64_t memory() const;
 
@@ -58,7 +60,7 @@ class RunningGraph {
   // The report of the swap; null if it failed.
   nlohmann::json swap(const std::string& stage) const;
 
-  // Of a graph that is over. Throws Error with what `up` has said if it did not come to its end.
+  // Of a graph that is over or was stopped. Throws Error with what `up` has said if it did not come to its end.
   nlohmann::json account() const;
 
  private:

@@ -2,10 +2,12 @@
 
 #include "core/error.hpp"
 #include "graph/description.hpp"
+#include "graph/process.hpp"
 #include "tools/cosegraph/commands.hpp"
 
 int main(int argc, char** argv) {
   using namespace cosegraph;
+  graph::set_up_process();
   CLI::App app(
       "Labels the parts of objects in single-view point clouds after one labelled example.");
   app.name("cosegraph");

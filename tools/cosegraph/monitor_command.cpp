@@ -6,6 +6,7 @@
 #include <random>
 #include <thread>
 
+#include "graph/process.hpp"
 #include "graph/runs.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/stop_signals.hpp"
@@ -123,6 +124,7 @@ int run_monitor(MonitorArguments arguments) {
     while (!signals.asked()) std::this_thread::sleep_for(100ms);
     return 0;
   }
+  graph::give_way();
   graph::GraphDescription graph = graph::find_run({.graph = first, .instance = arguments.instance});
   monitor::Server server(options);
   print_address(server, options);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "graph/process.hpp"
 #include "graph/runs.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/durations.hpp"
@@ -188,6 +189,7 @@ int record(const RecordArguments& arguments) {
   while (arguments.wait && !signals.asked() && !is_running(arguments.run))
     std::this_thread::sleep_for(20ms);
   if (signals.asked()) return 1;
+  graph::give_way();
   const graph::GraphDescription graph = graph::find_run(arguments.run);
   recording::RecorderOptions options{
       .file = {.max_size = arguments.max_size, .split = arguments.split},

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "graph/process.hpp"
 #include "tools/account_json.hpp"
 #include "tools/cosegraph/commands.hpp"
 #include "tools/cosegraph/durations.hpp"
@@ -116,6 +117,7 @@ bool is_over(const std::vector<Row>& rows) {
 }
 
 int watch_stages(const Watched& watched, double every) {
+  graph::give_way();
   const graph::GraphDescription graph = watched.find();
   const StopSignals signals;
   graph::Observer observer(graph);

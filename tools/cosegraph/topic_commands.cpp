@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "graph/figures.hpp"
+#include "graph/process.hpp"
 #include "idl/inspect.hpp"
 #include "idl/present.hpp"
 #include "tools/cosegraph/commands.hpp"
@@ -381,6 +382,7 @@ void print_message(const Arrival& arrival, const std::string& type,
 
 int echo_topic(const EchoArguments& arguments) {
   const Watched& watched = arguments.watched;
+  graph::give_way();
   const graph::GraphDescription graph = watched.find();
   const StopSignals signals;
   Listening listening(graph, watched.name(), watched.timeout > 0.0 ? watched.patience() : 3s);
@@ -434,6 +436,7 @@ void print_traffic(const std::string& topic, const graph::TopicTraffic& traffic,
 
 // Every second the rate over the newest `window` seconds.
 int measure_traffic(const Watched& watched, double window, Measure measure) {
+  graph::give_way();
   const graph::GraphDescription graph = watched.find();
   const Topic topic = require_topic(graph, watched.name(), {});
   if (topic.is_control)

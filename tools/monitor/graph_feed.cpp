@@ -106,8 +106,7 @@ class GraphFeed::Impl {
         newest_(topics_.size()),
         joined_(views_, 2 * static_cast<std::size_t>(graph.window) + 2),
         readers_(topics_.size()),
-        participant_(graph, graph.graph + "/monitor"),
-        remote_(graph) {}
+        remote_(graph, "monitor") {}
 
   ~Impl() {
     // Before the members that their callbacks use.
@@ -234,7 +233,7 @@ class GraphFeed::Impl {
   void use(std::size_t topic) {
     CountedReader& reader = readers_[topic];
     if (reader.users++ > 0) return;
-    reader.handle = participant_.reader(
+    reader.handle = remote_.observer().participant().reader(
         topics_[topic].name, topics_[topic].type, onlooker_qos(topics_[topic], graph_),
         [this, topic](graph::Sample sample) { receive(topic, std::move(sample)); });
   }
@@ -365,7 +364,6 @@ class GraphFeed::Impl {
 
   CloudViews joined_;                   // the worker's own
   std::vector<CountedReader> readers_;  // the caller's own
-  graph::Participant participant_;
   graph::Remote remote_;
   std::thread worker_;
   std::thread orderer_;

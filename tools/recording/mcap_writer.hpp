@@ -18,7 +18,7 @@ namespace cosegraph::recording {
 
 struct WriterOptions {
   std::size_t chunk_size = 1U << 20U;  // bytes before compression at which a chunk is ended
-  int compression_level = -3;          // of zstd
+  int compression_level = -20;         // of zstd
 };
 
 // Every member throws InputError, naming the file, if the disk takes no more; from then on all but

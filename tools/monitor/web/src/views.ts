@@ -232,6 +232,20 @@ function meanRow(values: ArrayLike<number>, rows: number, dimension: number): nu
   return mean;
 }
 
+// The numbers of a list that came without runs of zeros; recordings of earlier versions have none.
+function unpacked(message: any, size: number): Float32Array {
+  const { runs, values } = message;
+  if (runs === undefined) return values;
+  const result = new Float32Array(size);
+  for (let r = 0, at = 0, from = 0; r + 1 < runs.length; r += 2) {
+    at += runs[r];
+    result.set(values.subarray(from, from + runs[r + 1]), at);
+    at += runs[r + 1];
+    from += runs[r + 1];
+  }
+  return result;
+}
+
 function descriptorsView(message: any, context: Context): View {
   const names: string[] = message.channels.map((channel: any) => channel.name);
   const by = choice("channel", "channel", names);
@@ -239,8 +253,9 @@ function descriptorsView(message: any, context: Context): View {
   const channel = message.channels[Math.max(0, names.indexOf(context.choose(by)))];
   const cloud = context.find("Cloud")[0] ?? null;
   if (channel === undefined) return view;
-  const { dimension, keypoint, values } = channel;
+  const { dimension, keypoint } = channel;
   const rows = keypoint.length;
+  const values = unpacked(channel, rows * dimension);
   view.facts = [`${count(rows)} descriptors of ${dimension} numbers`];
   const indices = Array.from({ length: dimension }, (_, d) => d);
   const mean = meanRow(values, rows, dimension);
@@ -288,15 +303,12 @@ function encodingsView(message: any, context: Context): View {
     Object.assign(view, onCloud(cloud, (i) => sequential(packets[ids[i]] / most)));
     view.legends = [ramp(sequential, "0", count(most), "packets in the segment")];
   } else {
-    const { dimension, runs, values } = message;
+    const dimension = message.dimension;
+    const values = unpacked(message, message.segment.length * dimension);
     const means = new Float64Array(message.segment_count * dimension);
-    // Runs of zeros and of numbers take turns, through all packets.
-    for (let r = 0, at = 0, from = 0; r + 1 < runs.length; r += 2) {
-      at += runs[r];
-      for (let left = runs[r + 1]; left > 0; --left, ++at) {
-        const s = message.segment[Math.floor(at / dimension)];
-        means[s * dimension + at % dimension] += values[from++] / packets[s];
-      }
+    for (let at = 0; at < values.length; ++at) {
+      const s = message.segment[Math.floor(at / dimension)];
+      means[s * dimension + at % dimension] += values[at] / packets[s];
     }
     const basis = context.keep(`axes ${dimension}`, () =>
       principalAxes(means, message.segment_count, dimension, 3));
