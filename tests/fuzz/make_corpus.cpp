@@ -207,7 +207,7 @@ void write_corpus(const Corpus& corpus) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 2) {
+  if (argc != 2 || argv[1][0] == '-') {
     std::cerr << "usage: fuzz-corpus FOLDER\n";
     return 2;
   }
