@@ -118,7 +118,8 @@ void replace_end(const fs::path& file, std::size_t at, std::string_view bytes) {
       static_cast<::ssize_t>(old.size()))
     fail(file, "read", errno);
   const auto put = [&](std::string_view end) {
-    return ::lseek(descriptor.get(), begin, SEEK_SET) == begin && write_all(descriptor.get(), end) &&
+    return ::lseek(descriptor.get(), begin, SEEK_SET) == begin &&
+           write_all(descriptor.get(), end) &&
            ::ftruncate(descriptor.get(), begin + static_cast<::off_t>(end.size())) == 0;
   };
   if (!put(bytes)) {

@@ -99,7 +99,7 @@ class SinkStage final : public graph::Stage {
     io::write_file(results_file(), results_->begun());
   }
 
-  // A process of this stage that came before may have written the frame, and died before it said so.
+  // A process of this stage that came before may have written the frame and then died.
   void add_result(const sink::Result& result) {
     if (!results_ || results_->began_with(result.name))
       begin_results(fs::exists(results_file()) ? io::read_file(results_file()) : "", result.name);

@@ -53,7 +53,8 @@ TEST(ChildProcess, BeginsWithoutBlockedSignals) {
   sigemptyset(&blocked);
   sigaddset(&blocked, SIGTERM);
   ::sigprocmask(SIG_BLOCK, &blocked, &before);
-  EXPECT_THAT(printed("exec grep SigBlk /proc/self/status", SIGTERM), HasSubstr("0000000000000000"));
+  EXPECT_THAT(printed("exec grep SigBlk /proc/self/status", SIGTERM),
+              HasSubstr("0000000000000000"));
   ::sigprocmask(SIG_SETMASK, &before, nullptr);
 }
 

@@ -60,7 +60,8 @@ class RunningGraph {
   // The report of the swap; null if it failed.
   nlohmann::json swap(const std::string& stage) const;
 
-  // Of a graph that is over or was stopped. Throws Error with what `up` has said if it did not come to its end.
+  // Of a graph that is over or was stopped. Throws Error with what `up` has said if it did not come
+  // to its end.
   nlohmann::json account() const;
 
  private:
