@@ -118,33 +118,32 @@ Result result_of(const std::string& name, const Cloud& input, const Segments& se
   return result;
 }
 
-ResultsText::ResultsText(std::string_view earlier, std::string_view redone) : begun_(kHead) {
+ResultsText::ResultsText(std::string_view earlier, std::string_view redone)
+    : begun_(kHead), size_(kHead.size()) {
   for (const Json& frame : frames_of(earlier)) {
     const auto& name = frame["name"].get_ref<const std::string&>();
     if (name == redone) continue;
     earlier_.insert(name);
-    if (count_++ > 0) begun_ += ',';
-    begun_ += text_of(frame);
-    if (!frame.contains("accuracy")) continue;
+    begun_ += grow(frame);
+  }
+  begun_ += tail();
+}
+
+std::string ResultsText::grow(const Json& frame) {
+  const std::string bytes = (count_++ > 0 ? "," : "") + text_of(frame);
+  size_ += bytes.size();
+  if (frame.contains("accuracy")) {
     accuracy_ += frame["accuracy"].get<double>();
     floor_ += frame["majority_floor"].get<double>();
     oracle_ += frame["oracle"].get<double>();
     ++evaluated_;
   }
-  size_ = begun_.size();
-  begun_ += tail();
+  return bytes;
 }
 
 ResultsText::Growth ResultsText::add(const Result& result) {
-  Growth growth{.at = size_, .bytes = count_++ > 0 ? "," : ""};
-  growth.bytes += text_of(frame_json(result));
-  if (const auto& truth = result.evaluation) {
-    accuracy_ += truth->accuracy;
-    floor_ += truth->floor;
-    oracle_ += truth->oracle;
-    ++evaluated_;
-  }
-  size_ += growth.bytes.size();
+  Growth growth{.at = size_};
+  growth.bytes = grow(frame_json(result));
   growth.bytes += tail();
   return growth;
 }

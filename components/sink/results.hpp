@@ -1,6 +1,7 @@
 // The figures of labelled frames, and their picture.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <set>
 #include <string>
@@ -53,6 +54,7 @@ class ResultsText {
   Growth add(const Result& result);
 
  private:
+  std::string grow(const nlohmann::ordered_json& frame);  // the bytes to append
   std::string tail() const;
 
   std::string begun_;
