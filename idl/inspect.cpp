@@ -7,6 +7,7 @@
 #include <cstring>
 #include <map>
 #include <optional>
+#include <type_traits>
 
 #include "core/error.hpp"
 #include "core/fields.hpp"
@@ -271,17 +272,41 @@ class Reader {
 
 template <class T>
 T read(const Node& node, std::size_t index) {
-  std::array<std::uint8_t, sizeof(T)> raw{};
-  std::memcpy(raw.data(), node.numbers.data() + index * sizeof(T), sizeof(T));
-  if (node.swapped) std::ranges::reverse(raw);
-  return std::bit_cast<T>(raw);
+  if constexpr (std::is_same_v<T, bool>) {
+    return read<std::uint8_t>(node, index) != 0;
+  } else {
+    std::array<std::uint8_t, sizeof(T)> raw{};
+    std::memcpy(raw.data(), node.numbers.data() + index * sizeof(T), sizeof(T));
+    if (node.swapped) std::ranges::reverse(raw);
+    return std::bit_cast<T>(raw);
+  }
 }
 
-template <class T, class Wide>
-std::vector<Wide> widened(const Node& node) {
-  std::vector<Wide> values(node.size());
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<Wide>(read<T>(node, i));
-  return values;
+// Calls `use` with the std::type_identity of the type in which the node's numbers travel.
+template <class Use>
+auto with_type_of(const Node& node, Use use) {
+  switch (node.kind) {
+    case Kind::boolean:
+      return use(std::type_identity<bool>{});
+    case Kind::octet:
+      return use(std::type_identity<std::uint8_t>{});
+    case Kind::int32:
+      return use(std::type_identity<std::int32_t>{});
+    case Kind::uint32:
+      return use(std::type_identity<std::uint32_t>{});
+    case Kind::int64:
+      return use(std::type_identity<std::int64_t>{});
+    case Kind::uint64:
+      return use(std::type_identity<std::uint64_t>{});
+    case Kind::float32:
+      return use(std::type_identity<float>{});
+    case Kind::float64:
+      return use(std::type_identity<double>{});
+    case Kind::text:
+    case Kind::structure:
+      break;
+  }
+  throw Error("'" + std::string(node.name) + "' is not a number");
 }
 
 // -- paths ---------------------------------------------------------------------------------------
@@ -325,28 +350,15 @@ std::size_t Node::size() const {
 }
 
 Number Node::number(std::size_t index) const {
-  switch (kind) {
-    case Kind::boolean:
-      return read<std::uint8_t>(*this, index) != 0;
-    case Kind::octet:
-      return std::uint64_t{read<std::uint8_t>(*this, index)};
-    case Kind::int32:
-      return std::int64_t{read<std::int32_t>(*this, index)};
-    case Kind::uint32:
-      return std::uint64_t{read<std::uint32_t>(*this, index)};
-    case Kind::int64:
-      return read<std::int64_t>(*this, index);
-    case Kind::uint64:
-      return read<std::uint64_t>(*this, index);
-    case Kind::float32:
-      return read<float>(*this, index);
-    case Kind::float64:
-      return read<double>(*this, index);
-    case Kind::text:
-    case Kind::structure:
-      break;
-  }
-  throw Error("'" + std::string(name) + "' is not a number");
+  return with_type_of(*this, [&]<class T>(std::type_identity<T>) -> Number {
+    const T value = read<T>(*this, index);
+    if constexpr (std::is_same_v<T, bool> || std::is_floating_point_v<T>)
+      return value;
+    else if constexpr (std::is_signed_v<T>)
+      return std::int64_t{value};
+    else
+      return std::uint64_t{value};
+  });
 }
 
 double Node::as_double(std::size_t index) const {
@@ -355,29 +367,13 @@ double Node::as_double(std::size_t index) const {
 
 template <class Wide>
 std::vector<Wide> Node::all_as() const {
-  switch (kind) {
-    case Kind::boolean:
-    case Kind::octet:
-      return widened<std::uint8_t, Wide>(*this);
-    case Kind::int32:
-      return widened<std::int32_t, Wide>(*this);
-    case Kind::uint32:
-      return widened<std::uint32_t, Wide>(*this);
-    case Kind::int64:
-      return widened<std::int64_t, Wide>(*this);
-    case Kind::uint64:
-      return widened<std::uint64_t, Wide>(*this);
-    case Kind::float32:
-      return widened<float, Wide>(*this);
-    case Kind::float64:
-      return widened<double, Wide>(*this);
-    case Kind::text:
-    case Kind::structure:
-      break;
-  }
-  throw Error("'" + std::string(name) + "' is not a list of numbers");
+  return with_type_of(*this, [&]<class T>(std::type_identity<T>) {
+    std::vector<Wide> values(size());
+    for (std::size_t i = 0; i < values.size(); ++i)
+      values[i] = static_cast<Wide>(read<T>(*this, i));
+    return values;
+  });
 }
-
 template std::vector<double> Node::all_as() const;
 template std::vector<float> Node::all_as() const;
 template std::vector<std::int32_t> Node::all_as() const;

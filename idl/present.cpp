@@ -242,9 +242,7 @@ Json list_json(const Node& list, const Presentation& presentation) {
   return result;
 }
 
-}  // namespace
-
-namespace {
+// -- summaries -----------------------------------------------------------------------------------
 
 // Range of each column, and how many are NaN. No comparison with NaN is true.
 void summarise(std::span<const double> values, std::size_t columns, Summary& summary) {

@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 #include "core/error.hpp"
 #include "idl/codec.hpp"
 
@@ -120,6 +122,20 @@ TEST(Members, OfBigEndianMessages) {
   EXPECT_EQ(members.back().name, "count");
   EXPECT_THAT(std::get<std::vector<std::uint64_t>>(members.back().values),
               ElementsAre(decode<StreamEnd>(bytes).count));
+}
+
+TEST(Members, BooleansAreOneOrZero) {
+  const Bytes no = encode(kHeader, Labelling{});
+  Bytes bytes = encode(kHeader, Labelling{.proven_optimal = true});
+  ASSERT_EQ(bytes.size(), no.size());
+  const auto [octet, other] = std::ranges::mismatch(bytes, no);
+  ASSERT_NE(octet, bytes.end());
+  *octet = 7;
+  std::vector<std::uint64_t> values;
+  for (const auto& member : members_of("Labelling", bytes))
+    if (member.name == "proven_optimal")
+      values = std::get<std::vector<std::uint64_t>>(member.values);
+  EXPECT_THAT(values, ElementsAre(1));
 }
 
 // As of a hostile message: a matrix whose columns nobody has named.
