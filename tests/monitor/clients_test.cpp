@@ -265,7 +265,7 @@ TEST_F(Clients, APersonSeesARecording) {
   test::Program recorder(
       {"cosegraph", "record", "segment", "-o", world_.path("run.mcap"), "--wait"});
   constexpr int kFrames = 100;  // of which the page has not even half at a time
-  start_graph(kFrames, "0");
+  start_graph(kFrames, "10");   // at which the recorder has a second to come before one is gone
   const test::Outcome recorded = recorder.wait();
   ASSERT_EQ(recorded.status, 0) << recorded.errors;
   const std::string address = start_monitor({world_.path("run.mcap")});

@@ -93,6 +93,21 @@ TEST_F(RecordingFeedTest, HasItsTopicsFramesAndGraph) {
   EXPECT_EQ(all["failures"][0]["reason"], "too flat");
 }
 
+// Of one that began in the middle of a stream. What was not done when it ended may tell why.
+TEST_F(RecordingFeedTest, BeginsWithTheFirstFrameThatItHasWhole) {
+  for (std::uint64_t i = 0; i < 4; ++i) {
+    if (i > 0) write(0, frame("source", i), Cloud{.xyz = {0, 0, 1}, .width = 1});
+    if (i < 3) write(1, frame("cpc", i), Segments{.of_point = {0}, .count = 1});
+  }
+  recording_.close("asked to", std::vector<std::uint64_t>(kTopics.size()));
+  RecordingFeed feed(folder_ / "run.mcap");
+  const json frames = state(feed)["frames"];
+  ASSERT_THAT(frames, SizeIs(3));
+  EXPECT_EQ(frames.front()["name"], "f1");
+  EXPECT_EQ(frames.back()["name"], "f3");
+  EXPECT_THAT(messages(feed, "g/cpc/segments"), SizeIs(2));
+}
+
 TEST_F(RecordingFeedTest, AnyPartOfALongOneCanBeHad) {
   constexpr std::uint64_t kCount = 2 * FrameIndex::kPartFrames + 30;
   write_frames(kCount);

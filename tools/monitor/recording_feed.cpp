@@ -16,10 +16,25 @@ Message message_of(std::uint64_t time, std::span<const std::uint8_t> data) {
           .keep = true};
 }
 
+// By epoch: of the frames before it the recording, which began in their midst, has only a part.
+std::map<std::uint64_t, std::uint64_t> first_whole_frames(const recording::McapReader& reader) {
+  std::map<std::uint64_t, std::uint64_t> result;
+  try {
+    for (const auto& stretch : recording::completeness_in(reader).stretches)
+      result[stretch.frames.epoch] = stretch.frames.first;
+  } catch (const InputError&) {
+    result.clear();  // damaged: what is there is shown
+  }
+  return result;
+}
+
 }  // namespace
 
 RecordingFeed::RecordingFeed(const std::filesystem::path& file, std::uint64_t first)
-    : name_(file.filename().string()), reader_(file), graph_(recording::graph_in(reader_)) {
+    : name_(file.filename().string()),
+      reader_(file),
+      graph_(recording::graph_in(reader_)),
+      first_whole_(first_whole_frames(reader_)) {
   for (auto& [channel, topic] : recording::topics_in(reader_)) {
     place_[channel] = topics_.size();
     topics_.push_back(topic);
@@ -71,7 +86,9 @@ void RecordingFeed::survey(const Topic& topic, std::uint64_t time,
                            std::span<const std::uint8_t> data) {
   const idl::FrameHeader header = idl::decode_header(data);
   if (topic.has_frames()) {
-    frames_.add(header, time, data.size());
+    const auto first = first_whole_.find(header.epoch);
+    if (first == first_whole_.end() || header.sequence >= first->second)
+      frames_.add(header, time, data.size());
     return;
   }
   if (topic.type == "StageStatus") {

@@ -63,6 +63,7 @@ class RecordingFeed final : public Feed {
   Message state_;
 
   // While it is surveyed.
+  const std::map<std::uint64_t, std::uint64_t> first_whole_;  // by epoch: sequence
   graph::Look processes_;
   std::vector<graph::ObservedFailure> failures_;
 };

@@ -67,7 +67,8 @@ const press = async (key) => {
     document.querySelector(".frame-name").textContent !== old, before);
 };
 if (await page.locator("footer input").isEnabled()) {
-  if (!(await frame()).endsWith("held")) await press(" ");
+  // Of a file it is held already; what plays would go on between a key and a look.
+  if (await page.locator('.follow[aria-pressed="true"]').count() > 0) await press(" ");
   const isFirst = (await page.locator("footer input").inputValue()) === "0";
   seen.held = [await frame()];
   for (const key of isFirst ? ["ArrowRight", "ArrowLeft"] : ["ArrowLeft", "ArrowRight"]) {
