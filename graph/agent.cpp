@@ -194,21 +194,22 @@ class Agent::Impl {
     command_writer_ = participant_.writer(topic("command"), "Command", {.depth = 16});
     reply_writer_ = participant_.writer(topic("reply"), "Reply", {.depth = 16});
     log_writer_ = participant_.writer(topic("log"), "LogLines", {.depth = 64});
-    read<idl::Command>("command", 16, [this](const auto&, idl::Command command) {
+    read<idl::Command>("command", {.depth = 16}, [this](const auto&, idl::Command command) {
       if (command.host == options_.host && known_ids_.insert(command.id).second)
         orders_.push_back(std::move(command));
     });
-    read<idl::StageStatus>("stage_status", kStatusDepth,
+    const EndpointQos statuses =
+        graph_.hosts.empty() ? kOverheard : EndpointQos{.depth = kStatusDepth};
+    read<idl::StageStatus>("stage_status", statuses,
                            [this](const auto& header, idl::StageStatus status) {
                              const ProcessKey key{header.stage, status.replica, header.generation};
                              statuses_[key] = {header, std::move(status), Clock::now()};
                            });
-    read<idl::AgentStatus>("agent_status", kStatusDepth,
-                           [this](const auto&, idl::AgentStatus status) {
-                             const std::string host = status.host;
-                             agents_[host] = {std::move(status), Clock::now()};
-                           });
-    read<idl::FrameDone>("frame_done", 2 * graph_.window + 2,
+    read<idl::AgentStatus>("agent_status", statuses, [this](const auto&, idl::AgentStatus status) {
+      const std::string host = status.host;
+      agents_[host] = {std::move(status), Clock::now()};
+    });
+    read<idl::FrameDone>("frame_done", {.depth = 2 * graph_.window + 2},
                          [this](const auto& header, const idl::FrameDone& done) {
                            if (done.outcome == idl::Outcome::ended) return;
                            reports_.push_back({.leaf = header.stage,
@@ -221,9 +222,9 @@ class Agent::Impl {
   }
 
   template <class Value, class Take>
-  void read(const char* what, int depth, Take take) {
+  void read(const char* what, const EndpointQos& qos, Take take) {
     readers_.push_back(participant_.reader(control_topic(graph_, what), idl::type_name<Value>(),
-                                           {.depth = depth}, [this, take](const Sample& sample) {
+                                           qos, [this, take](const Sample& sample) {
                                              try {
                                                const auto header = idl::decode_header(*sample);
                                                auto value = idl::decode<Value>(*sample);

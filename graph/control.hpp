@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "graph/dds.hpp"
 #include "graph/description.hpp"
 #include "graph/join.hpp"
 #include "idl/codec.hpp"
@@ -18,6 +19,10 @@ std::string control_topic(const GraphDescription& graph, std::string_view what);
 
 // History of who reads a topic on which many write about themselves, over and over.
 constexpr int kStatusDepth = 64;
+
+// Of such a reader, if what gets lost need not be sent again. A single one that wants that makes
+// the writers ask all their readers, over and over, what has arrived.
+constexpr EndpointQos kOverheard{.depth = kStatusDepth, .keep_for_late = false, .reliable = false};
 
 // How one process of a stage is called: "cpc", of several replicas "cpc.0", "cpc.1", ...
 std::string process_name(const StageNode& stage, std::uint32_t replica);

@@ -30,9 +30,7 @@ Observer::Observer(const GraphDescription& graph, const std::string& name)
           news_.notify_all();
         }));
   };
-  // Said over and over: what gets lost need not be sent again.
-  constexpr EndpointQos kStatus{.depth = kStatusDepth, .keep_for_late = false, .reliable = false};
-  read("stage_status", "StageStatus", kStatus,
+  read("stage_status", "StageStatus", kOverheard,
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          const StageNode* node = graph_.stage(header.stage);
          auto status = idl::decode<idl::StageStatus>(bytes);
@@ -43,7 +41,7 @@ Observer::Observer(const GraphDescription& graph, const std::string& name)
          if (header.generation < seen.header.generation && now - seen.heard < kForgotten) return;
          seen = {header, std::move(status), now};
        });
-  read("agent_status", "AgentStatus", kStatus,
+  read("agent_status", "AgentStatus", kOverheard,
        [this](const idl::FrameHeader&, const idl::Bytes& bytes) {
          auto status = idl::decode<idl::AgentStatus>(bytes);
          const std::string host = status.host;

@@ -253,7 +253,7 @@ class StageRunner::Impl final : public StageHost {
   // or has others' frames to do, must miss nothing, and know at once.
   EndpointQos status_qos() const {
     const bool all = options_.generation > 0 || !node_.replicas.empty();
-    return {.depth = kStatusDepth, .keep_for_late = all, .reliable = all};
+    return all ? EndpointQos{.depth = kStatusDepth} : kOverheard;
   }
 
   using LatchedValues = std::deque<std::pair<std::uint64_t, Sample>>;  // by model id, newest last

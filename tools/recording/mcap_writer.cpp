@@ -128,12 +128,14 @@ void McapWriter::flush() {
                          .compressed_size = packed.size()}));
   put(packed);
   index.length = offset_ - index.offset;
+  Bytes message_indexes;
   for (auto& [channel, entries] : indexes_) {
     std::ranges::sort(entries);
-    index.message_indexes[channel] = offset_;
-    put(bytes_of(MessageIndex{channel, std::move(entries)}));
+    index.message_indexes[channel] = offset_ + message_indexes.size();
+    append(message_indexes, MessageIndex{channel, std::move(entries)});
   }
-  index.message_index_length = offset_ - index.offset - index.length;
+  index.message_index_length = message_indexes.size();
+  put(message_indexes);
   chunks_.push_back(std::move(index));
   ++statistics_.chunks;
   records_.clear();
