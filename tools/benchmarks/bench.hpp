@@ -44,6 +44,8 @@ double milliseconds(const timeval& time);
 // The `cosegraph` of the same build.
 std::string program();
 
+// Of no values 0.
+double quantile(std::vector<double> values, double share);
 double median(std::vector<double> values);
 
 int bench_frame(int repeats);        // a query frame and a training, stage by stage

@@ -45,11 +45,16 @@ std::string program() {
   return (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "cosegraph").string();
 }
 
-double median(std::vector<double> values) {
+double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
+  const auto before = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size()));
+  const auto at = values.begin() + std::min(before, std::ssize(values) - 1);
+  std::ranges::nth_element(values, at);
+  return *at;
+}
+
+double median(std::vector<double> values) {
+  return quantile(std::move(values), 0.5);
 }
 
 }  // namespace cosegraph::bench

@@ -23,7 +23,7 @@ using namespace std::chrono_literals;
 using Clock = RunningGraph::Clock;
 
 constexpr std::array kEchoed = {"source/dense", "descriptors/descriptors", "svm/scores"};
-constexpr auto kSettle = 2s;       // what has started or ended has done so
+constexpr auto kSettle = 4s;       // what has started or ended has done so
 constexpr auto kWindow = 4s;       // in which frames are counted
 constexpr int kMostFrames = 1000;  // per turn: a stream that does not end before its time
 
@@ -100,7 +100,7 @@ Window pass() {
 
 struct Outcome {
   std::vector<double> alone;            // frames/s of each turn
-  std::vector<double> observed;         //
+  std::vector<double> observed;         // the same
   std::vector<double> change;           // of each against the turns alone before and after it
   std::map<std::string, double> spent;  // CPU ms per frame of each observer, in the last turn
   std::uint64_t recorded = 0;           // bytes, in all
@@ -153,11 +153,6 @@ Outcome run(const Subject& subject, int turns, double pace) {
   const double frames = outcome.observed.back() * std::chrono::duration<double>(kWindow).count();
   for (const auto& [name, time] : seconds) outcome.spent[name] = 1e3 * time / frames;
   return outcome;
-}
-
-double quantile(std::vector<double> values, double q) {
-  std::ranges::sort(values);
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
 }  // namespace

@@ -22,13 +22,6 @@ double milliseconds(SystemClock::duration time) {
   return std::chrono::duration<double, std::milli>(time).count();
 }
 
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  std::ranges::sort(values);
-  return values[std::min(values.size() - 1,
-                         static_cast<std::size_t>(share * static_cast<double>(values.size())))];
-}
-
 // Fixed by a seed: the order in which stages are hit.
 std::string stage_at(int i, Random& random) {
   return i % 10 == 9 ? "source" : kStages.at(random.below(kStages.size()));
