@@ -227,8 +227,8 @@ dds::DomainParticipantQos participant_qos(const GraphDescription& graph, const s
   discovery.leaseDuration_announcementperiod = milliseconds(500);
   if (is_run_on_this_host(graph)) {
     // All of a run announce themselves to all, and a process that ends is noticed without: rarely.
-    if (!graph.one_process) discovery.leaseDuration = {5, 0};
-    discovery.leaseDuration_announcementperiod = {2, 0};
+    if (!graph.one_process) discovery.leaseDuration = {3, 0};
+    discovery.leaseDuration_announcementperiod = {1, 0};
     set_port_of_run(graph.instance, qos);
   }
   if (graph.dds.discovery == Discovery::peers) set_peers(graph.dds.peers, qos);

@@ -68,7 +68,7 @@ TEST(DomainWatch, SeesWhoWritesAndReadsWhat) {
   const Peer& peer = domain.peers.at(writers[0]->participant);
   EXPECT_EQ(peer.name, "watched/numbers");
   EXPECT_TRUE(peer.on_this_machine);
-  EXPECT_EQ(peer.lease, 5.0);
+  EXPECT_EQ(peer.lease, 3.0);
   EXPECT_THAT(peer.addresses, testing::Not(IsEmpty()));
 }
 
