@@ -374,6 +374,7 @@ std::vector<Wide> Node::all_as() const {
     return values;
   });
 }
+
 template std::vector<double> Node::all_as() const;
 template std::vector<float> Node::all_as() const;
 template std::vector<std::int32_t> Node::all_as() const;
