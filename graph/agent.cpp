@@ -210,7 +210,7 @@ class Agent::Impl {
       const std::string host = status.host;
       agents_[host] = {std::move(status), Clock::now()};
     });
-    read<idl::FrameDone>("frame_done", {.depth = 2 * graph_.window + 2},
+    read<idl::FrameDone>("frame_done", {.depth = frame_history(graph_)},
                          [this](const auto& header, const idl::FrameDone& done) {
                            if (done.outcome == idl::Outcome::ended) return;
                            reports_.push_back({.leaf = header.stage,

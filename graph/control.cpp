@@ -9,6 +9,10 @@ std::string control_topic(const GraphDescription& graph, std::string_view what) 
   return graph.graph + "/" + std::string(what);
 }
 
+int frame_history(const GraphDescription& graph) {
+  return 2 * graph.window + 2;
+}
+
 std::string process_name(const StageNode& stage, std::uint32_t replica) {
   return stage.replicas.empty() ? stage.name : stage.name + "." + std::to_string(replica);
 }

@@ -24,6 +24,9 @@ constexpr int kStatusDepth = 64;
 // the writers ask all their readers, over and over, what has arrived.
 constexpr EndpointQos kOverheard{.depth = kStatusDepth, .keep_for_late = false, .reliable = false};
 
+// Messages of frames that their writers keep, for who is slow or comes late.
+int frame_history(const GraphDescription& graph);
+
 // How one process of a stage is called: "cpc", of several replicas "cpc.0", "cpc.1", ...
 std::string process_name(const StageNode& stage, std::uint32_t replica);
 

@@ -47,7 +47,7 @@ Observer::Observer(const GraphDescription& graph, const std::string& name)
          const std::string host = status.host;
          agents_[host] = {std::move(status), std::chrono::steady_clock::now()};
        });
-  read("frame_failure", "FrameFailure", {.depth = 2 * graph.window + 2},
+  read("frame_failure", "FrameFailure", {.depth = frame_history(graph)},
        [this](const idl::FrameHeader& header, const idl::Bytes& bytes) {
          if (graph_.stage(header.stage) == nullptr) return;
          failures_.push_back({.stage = header.stage,

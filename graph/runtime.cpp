@@ -48,6 +48,14 @@ int consumers_of(const GraphDescription& graph, const std::string& stage, const 
   return count;
 }
 
+// The first time after `time` that all processes of a host take for a whole number of periods.
+std::chrono::steady_clock::time_point next_multiple(std::chrono::milliseconds period,
+                                                    std::chrono::steady_clock::time_point time) {
+  return std::chrono::steady_clock::time_point(
+      (std::chrono::floor<std::chrono::milliseconds>(time.time_since_epoch()) / period + 1) *
+      period);
+}
+
 JoinOptions join_options(const GraphDescription& graph, const StageNode& node,
                          const RunnerOptions& options) {
   using Start = JoinOptions::Start;
@@ -176,10 +184,8 @@ class StageRunner::Impl final : public StageHost {
     return ports;
   }
 
-  int frame_depth() const { return 2 * graph_.window + 2; }
-
   void open_writers() {
-    const EndpointQos frames{.depth = frame_depth()};
+    const EndpointQos frames{.depth = frame_history(graph_)};
     for (const auto& port : stage_->outputs()) {
       const std::string topic = topic_name(graph_, node_.name, port.name);
       outputs_[port.name] = participant_.writer(
@@ -211,7 +217,7 @@ class StageRunner::Impl final : public StageHost {
   }
 
   void open_readers() {
-    const EndpointQos frames{.depth = frame_depth()};
+    const EndpointQos frames{.depth = frame_history(graph_)};
     for (const auto& input : node_.inputs) {
       const PortInfo& info = input_info(input.port);
       const std::string topic = topic_name(graph_, input.from_stage, input.from_port);
@@ -823,7 +829,8 @@ class StageRunner::Impl final : public StageHost {
     std::optional<Clock::time_point> waiting;  // since a stream is heard
     std::unique_lock lock(mutex_);
     while (!stop_) {
-      changed_.wait_for(lock, kTick, [this] { return stop_; });
+      // At the same time as the others of this host: who reads all statuses wakes up once for them.
+      changed_.wait_until(lock, next_multiple(kTick, Clock::now()), [this] { return stop_; });
       const auto now = Clock::now();
       if (!waiting && join_.position().epoch != 0) waiting = now;
       if (waiting && now - *waiting > kResumePatience) join_.resume_anyway();
@@ -834,7 +841,7 @@ class StageRunner::Impl final : public StageHost {
       lock.unlock();
       try {
         if (source_ != nullptr) check_deadlines();
-        if (news || now - published >= kStatusPeriod) {
+        if (news || now >= next_multiple(kStatusPeriod, published)) {
           publish_status();
           published = now;
         }

@@ -137,7 +137,8 @@ TEST_F(RecordingCommands, KilledRecorderLeavesAReadableFileAndHoldsNobodyUp) {
 
 TEST_F(RecordingCommands, InterruptEndsARecordingInOrder) {
   Program running(graph("run", "8"));
-  Program recorder({"cosegraph", "record", "segment", "-o", path("run.mcap"), "--wait"});
+  Program recorder(
+      {"cosegraph", "record", "segment", "-o", path("run.mcap"), "--wait", "--uncompressed"});
   const auto has_messages = [&] {
     return fs::exists(path("run.mcap")) && fs::file_size(path("run.mcap")) > 500'000;
   };
@@ -147,7 +148,11 @@ TEST_F(RecordingCommands, InterruptEndsARecordingInOrder) {
   EXPECT_EQ(outcome.status, 0) << outcome.errors;
   EXPECT_THAT(outcome.errors, HasSubstr("stopped"));
   EXPECT_EQ(running.wait().status, 0);
-  EXPECT_EQ(info()["recovered"], false);
+  const json found = info();
+  EXPECT_EQ(found["recovered"], false);
+  std::uint64_t bytes = 0;
+  for (const auto& topic : found["topics"]) bytes += topic["bytes"].get<std::uint64_t>();
+  EXPECT_GT(fs::file_size(path("run.mcap")), bytes) << "it was to be uncompressed";
 }
 
 TEST_F(RecordingCommands, TheLastOfARunIsKept) {

@@ -71,7 +71,8 @@ class CompletenessTest : public testing::Test {
     return tally_.completeness().topics.at(kTopics[topic].name).missing;
   }
 
-  Tally tally_{kTopics};
+  static constexpr int kHistory = 4;  // frames
+  Tally tally_{kTopics, kHistory};
 };
 
 TEST_F(CompletenessTest, WholeStreamIsComplete) {
@@ -129,6 +130,41 @@ TEST_F(CompletenessTest, FramesInWorkAtBothEndsAreNotMissing) {
   const Completeness found = tally_.completeness();
   EXPECT_TRUE(found.has_all());
   EXPECT_THAT(found.stretches, ElementsAre(Stretch{.frames = {5, 3, 9}, .from_start = false}));
+}
+
+// What was on its way when the recorder came may have made room for newer frames before it could be
+// sent again.
+TEST_F(CompletenessTest, BeginsInMidStreamAfterTheHolesOfItsBeginning) {
+  for (std::uint64_t sequence = 3; sequence <= 12; ++sequence) {
+    if (sequence != 5) add(kA, sequence);
+    if (sequence != 4) add(kB, sequence);
+    add(kC, sequence);
+  }
+  EXPECT_TRUE(tally_.completeness().has_all());
+  EXPECT_THAT(tally_.completeness().stretches,
+              ElementsAre(Stretch{.frames = {5, 6, 12}, .from_start = false}));
+}
+
+TEST_F(CompletenessTest, HolesLaterThanThatOrInAWholeStreamAreMissing) {
+  for (std::uint64_t sequence = 3; sequence <= 12; ++sequence) {
+    if (sequence < 6 || sequence > 9) add(kA, sequence);
+    add(kB, sequence);
+    add(kC, sequence);
+  }
+  EXPECT_THAT(missing(kA), ElementsAre(Range{5, 7, 9}));
+  for (std::uint64_t sequence = 0; sequence < 3; ++sequence)
+    for (const std::size_t topic : {kB, kC}) add(topic, sequence);
+  add(kA, 0);
+  EXPECT_THAT(missing(kA), ElementsAre(Range{5, 1, 2}, Range{5, 6, 9}));
+}
+
+TEST_F(CompletenessTest, TopicThatNeverSpokeInMidStreamIsNotPassedOver) {
+  for (std::uint64_t sequence = 3; sequence <= 5; ++sequence) {
+    add(kA, sequence);
+    add(kB, sequence);
+  }
+  add(kEnd, 6);
+  EXPECT_THAT(missing(kC), ElementsAre(Range{5, 3, 5}));
 }
 
 TEST_F(CompletenessTest, TopicThatNeverSpokeLacksTheWholeStream) {

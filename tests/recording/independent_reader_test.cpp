@@ -217,6 +217,21 @@ TEST_F(IndependentReader, DecodesEveryType) {
   EXPECT_EQ(value_of(all, "LogLines")["lines"], (json{"one", "two"}));
 }
 
+TEST_F(IndependentReader, ReadsUncompressedChunks) {
+  {
+    McapWriter writer(file(), {.compressed = false});
+    write(writer, idl::FrameFailure{"no points"});
+    writer.flush();
+    write(writer, idl::StreamEnd{9});
+    writer.close();
+  }
+  const json all = read();
+  EXPECT_EQ(all["dataCrcFits"], true);
+  EXPECT_EQ(all["chunks"], 2);
+  EXPECT_EQ(value_of(all, "FrameFailure")["reason"], "no points");
+  EXPECT_EQ(value_of(all, "StreamEnd")["count"], "9");
+}
+
 TEST_F(IndependentReader, ReadsWhatAKilledWriterLeaves) {
   {
     McapWriter writer(file());

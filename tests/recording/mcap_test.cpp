@@ -416,6 +416,7 @@ TEST_F(Mcap, RandomFilesComeBackBySelections) {
     std::filesystem::remove(file());
     auto writer = std::make_unique<McapWriter>(
         file(), WriterOptions{.chunk_size = 1 + below(3000),
+                              .compressed = below(2) == 0,
                               .compression_level = 1 + static_cast<int>(below(5))});
     std::vector<std::uint16_t> channels{writer->add_channel("0", 0, "cdr")};
     std::vector<Kept> messages;

@@ -169,6 +169,7 @@ struct RecordArguments {
   std::vector<std::string> topics;
   std::uint64_t max_size = 0;
   bool split = false;
+  bool uncompressed = false;
   double last = 0.0;  // s
   bool wait = false;
 };
@@ -191,9 +192,10 @@ int record(const RecordArguments& arguments) {
   if (signals.asked()) return 1;
   graph::give_way();
   const graph::GraphDescription graph = graph::find_run(arguments.run);
-  recording::RecorderOptions options{
-      .file = {.max_size = arguments.max_size, .split = arguments.split},
-      .topics = arguments.topics};
+  recording::RecorderOptions options{.file = {.max_size = arguments.max_size,
+                                              .split = arguments.split,
+                                              .compressed = !arguments.uncompressed},
+                                     .topics = arguments.topics};
   if (arguments.last > 0.0)
     options.last = std::chrono::milliseconds(std::llround(1000.0 * arguments.last));
   recording::Recorder recorder(graph, graph::catalog_of(stage_table()), arguments.output, options);
@@ -245,6 +247,8 @@ void add_recording_commands(CLI::App& app, const Choose& choose) {
           ->transform(CLI::AsSizeValue(true));
   auto* split = record_command->add_flag(
       "--split", arguments->split, "go on in X_1.mcap, X_2.mcap, ... when X_0.mcap has its size");
+  record_command->add_flag("--uncompressed", arguments->uncompressed,
+                           "a larger file, for less of the CPU");
   auto* last = record_command->add_option(
       "--last", arguments->last, "as 30s: keep only so much, in memory, and write it at the end");
   takes_seconds(last, 0.1, 86'400.0);

@@ -114,7 +114,10 @@ std::uint64_t count_in(const Runs& runs, const Range& range) {
 
 }  // namespace
 
-Tally::Tally(std::vector<Topic> topics) : topics_(std::move(topics)), counts_(topics_.size()) {}
+Tally::Tally(std::vector<Topic> topics, int history)
+    : topics_(std::move(topics)),
+      history_(static_cast<std::uint64_t>(history)),
+      counts_(topics_.size()) {}
 
 void Tally::add(std::size_t index, std::span<const std::uint8_t> bytes) {
   const Topic& topic = topics_[index];
@@ -171,6 +174,16 @@ std::optional<Stretch> Tally::stretch(std::uint64_t id, const Epoch& epoch,
   if (!any || last < result.frames.first) return std::nullopt;
   result.frames.last = last;
   result.from_start = result.frames.first == 0;
+  if (!result.from_start) {
+    const Range joining{id, result.frames.first,
+                        std::min(last, result.frames.first + history_ - 1)};
+    for (const auto& [topic, runs] : present) {
+      if (runs.empty()) continue;
+      for (const auto& gap : gaps(runs, joining))
+        result.frames.first = std::max(result.frames.first, gap.last + 1);
+    }
+    if (last < result.frames.first) return std::nullopt;
+  }
   Runs failed;
   for (const auto& [stage, runs] : epoch.failed)
     for (const auto& [first, end] : runs.runs())

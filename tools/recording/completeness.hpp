@@ -85,7 +85,10 @@ class Runs {
 // Keeps count of the messages of a recording.
 class Tally {
  public:
-  explicit Tally(std::vector<Topic> topics);
+  // `history`: so many frames are on their way when a recorder comes in mid-stream. It may find
+  // holes among them, since what it has not got yet makes room for others; the recording begins
+  // after the last such hole.
+  Tally(std::vector<Topic> topics, int history);
 
   // A message of the topic with this index. Throws InputError if it has no header.
   void add(std::size_t topic, std::span<const std::uint8_t> bytes);
@@ -108,6 +111,7 @@ class Tally {
                                  const std::map<std::size_t, Runs>& present) const;
 
   std::vector<Topic> topics_;
+  std::uint64_t history_;
   std::vector<TopicCount> counts_;
   std::map<std::uint64_t, Epoch> epochs_;
   std::set<std::uint64_t> named_models_;                   // by frames

@@ -113,11 +113,12 @@ void McapWriter::write(const Message& message) {
 
 void McapWriter::flush() {
   if (records_.empty()) return;
-  const auto packed = compressor_->compress(records_);
+  const auto packed = options_.compressed ? compressor_->compress(records_)
+                                          : std::span<const std::uint8_t>(records_);
   ChunkIndex index{.start_time = chunk_start_,
                    .end_time = chunk_end_,
                    .offset = offset_,
-                   .compression = "zstd",
+                   .compression = options_.compressed ? "zstd" : "",
                    .compressed_size = packed.size(),
                    .uncompressed_size = records_.size()};
   put(bytes_of(ChunkHead{.start_time = chunk_start_,

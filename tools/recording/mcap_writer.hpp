@@ -1,4 +1,4 @@
-// Writes MCAP files: chunks compressed with zstd, with checksums, indexes and a summary.
+// Writes MCAP files: chunks, compressed with zstd or not, with checksums, indexes and a summary.
 //
 // What has been written is readable whatever happens to the writer afterwards: a file without its
 // end holds everything up to its last whole chunk.
@@ -18,7 +18,8 @@ namespace cosegraph::recording {
 
 struct WriterOptions {
   std::size_t chunk_size = 1U << 20U;  // bytes before compression at which a chunk is ended
-  int compression_level = -20;         // of zstd
+  bool compressed = true;
+  int compression_level = -20;  // of zstd
 };
 
 // Every member throws InputError, naming the file, if the disk takes no more; from then on all but

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "graph/control.hpp"
+
 namespace cosegraph::recording {
 namespace {
 
@@ -37,6 +39,7 @@ Recorder::Recorder(const graph::GraphDescription& graph, const graph::Catalog& c
       started_at_(wall_nanoseconds()),
       lost_(topics_.size()),
       heard_(topics_.size()),
+      history_(graph::frame_history(graph)),
       source_(graph::source_of(graph, catalog).name),
       participant_(graph, graph.graph + "/recorder") {
   if (options.last)
@@ -93,7 +96,7 @@ void Recorder::receive(std::size_t topic, graph::Sample sample) {
 }
 
 void Recorder::work() {
-  Tally heard(topics_);
+  Tally heard(topics_, history_);
   auto flushed = Clock::now();
   bool judged = false;  // at least once since the end began
   std::unique_lock lock(mutex_);
@@ -134,7 +137,7 @@ void Recorder::work() {
       queue_.clear();
       queued_bytes_ = 0;
     }
-    changed_.notify_all();
+    if (whole_ || ending || error_ || full_) changed_.notify_all();
   }
 }
 

@@ -86,6 +86,7 @@ class Recorder {
   bool stop_ = false;
   std::exception_ptr error_;
   std::optional<std::chrono::steady_clock::time_point> finished_at_;
+  int history_;  // frames
   std::string source_;
 
   graph::Participant participant_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "graph/control.hpp"
 #include "idl/schema.hpp"
 
 namespace cosegraph::recording {
@@ -22,7 +23,7 @@ Recording::Recording(std::filesystem::path file, const graph::GraphDescription& 
       graph_(graph::to_yaml(graph)),
       topics_(std::move(topics)),
       options_(options),
-      tally_(topics_),
+      tally_(topics_, graph::frame_history(graph)),
       models_(topics_.size()) {
   open(0);
 }
@@ -32,7 +33,7 @@ void Recording::open(std::uint64_t time) {
   if (options_.split)
     file.replace_filename(file_.stem().string() + "_" + std::to_string(files_.size()) +
                           file_.extension().string());
-  writer_ = std::make_unique<McapWriter>(file);
+  writer_ = std::make_unique<McapWriter>(file, WriterOptions{.compressed = options_.compressed});
   files_.push_back(file);
   writer_->attach({.log_time = time,
                    .name = std::string(kGraphName),
@@ -160,7 +161,7 @@ Completeness completeness_in(const McapReader& reader) {
     index[channel] = all.size();
     all.push_back(topic);
   }
-  Tally tally(std::move(all));
+  Tally tally(std::move(all), graph::frame_history(graph_in(reader)));
   try {
     for (auto messages = reader.messages(); const auto message = messages.next();)
       tally.add(index.at(message->channel), message->data);

@@ -23,6 +23,7 @@ constexpr std::string_view kGraphName = "graph.yaml";
 struct RecordingOptions {
   std::uint64_t max_size = 0;  // bytes of a file, about; 0: no bound
   bool split = false;          // begin another file then, instead of being full
+  bool compressed = true;      // with zstd
 };
 
 // A message on its way into a recording.

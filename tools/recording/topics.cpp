@@ -66,7 +66,7 @@ graph::EndpointQos qos_of(const Topic& topic, const graph::GraphDescription& gra
   if (topic.type == "StreamEnd") return {.depth = 1};
   if (topic.type == "StageStatus" || topic.type == "AgentStatus") return graph::kOverheard;
   const bool is_of_frames = topic.has_frames() || topic.type.starts_with("Frame");
-  return {.depth = is_of_frames ? 2 * graph.window + 2 : graph::kStatusDepth};
+  return {.depth = is_of_frames ? graph::frame_history(graph) : graph::kStatusDepth};
 }
 
 Texts to_metadata(const Topic& topic) {
