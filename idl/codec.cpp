@@ -17,7 +17,7 @@
 #include "coseg_model.h"
 #include "coseg_segments.h"
 #include "idl/layout.hpp"
-#include "idl/runs.hpp"
+#include "idl/sparse.hpp"
 #include "model/model.hpp"
 
 template <>
@@ -255,7 +255,7 @@ void fill(msg::Descriptors& message, const Descriptors& value) {
     out.name(channel.name);
     out.dimension(channel.dimension);
     out.keypoint(channel.keypoint);
-    pack(channel.value, out.runs(), out.values());
+    pack(channel.value, out.present(), out.values());
   }
 }
 
@@ -264,7 +264,7 @@ Descriptors take(msg::Descriptors& message) {
   Unpacker unpacker;
   for (auto& channel : message.channels()) {
     require(channel.dimension() > 0, "a channel has no dimension");
-    auto numbers = unpacker.unpack(channel.runs(), channel.values());
+    auto numbers = unpacker.unpack(channel.present(), channel.values());
     require(
         numbers.size() == channel.keypoint().size() * static_cast<std::size_t>(channel.dimension()),
         "a channel's values do not fit its keypoints");
@@ -324,7 +324,7 @@ void fill(msg::Encodings& message, const Encodings& value) {
   message.segment_count(value.segment_count);
   message.dimension(value.dimension);
   message.segment(value.segment);
-  pack(value.value, message.runs(), message.values());
+  pack(value.value, message.present(), message.values());
 }
 
 Encodings take(msg::Encodings& message) {
@@ -336,7 +336,7 @@ Encodings take(msg::Encodings& message) {
   require_indices(value.segment, static_cast<std::size_t>(value.segment_count),
                   "a packet names a segment that does not exist");
   require(all_finite(message.values()), "a vector is not finite");
-  value.value = Unpacker().unpack(message.runs(), message.values());
+  value.value = Unpacker().unpack(message.present(), message.values());
   require(value.value.size() == value.segment.size() * static_cast<std::size_t>(value.dimension),
           "values do not fit packets");
   return value;

@@ -12,8 +12,8 @@
 #include "core/error.hpp"
 #include "core/fields.hpp"
 #include "idl/codec.hpp"
-#include "idl/runs.hpp"
 #include "idl/schema.hpp"
+#include "idl/sparse.hpp"
 
 namespace cosegraph::idl {
 namespace {
@@ -189,26 +189,26 @@ class Reader {
     std::vector<Node> result;
     result.reserve(declarations.size());
     for (const auto& declaration : declarations) result.push_back(member(declaration));
-    const auto runs = unpack(result);
+    const auto present = unpack(result);
     for (std::size_t i = 0; i < result.size(); ++i)
       if (result[i].is_list && result[i].is_number())
         result[i].columns = columns_of(result[i], declarations[i].comment, result, declarations);
-    if (runs != result.end()) result.erase(runs);  // told by where the zeros are
+    if (present != result.end()) result.erase(present);  // told by where the zeros are
     return result;
   }
 
-  // Puts zeros back where `runs` says; returns these, or the end if there are none.
+  // Puts zeros back where `present` says; returns it, or the end if there is none.
   std::vector<Node>::iterator unpack(std::vector<Node>& members) {
     const auto values = std::ranges::find(members, "values", &Node::name);
     if (values == members.begin() || values == members.end()) return members.end();
-    const auto runs = std::prev(values);
-    if (runs->name != "runs") return members.end();
+    const auto present = std::prev(values);
+    if (present->name != "present") return members.end();
     values->unpacked = std::make_shared<const std::vector<float>>(
-        unpacker_.unpack(runs->all_as<std::int32_t>(), values->all_as<float>()));
+        unpacker_.unpack(present->all_as<std::uint32_t>(), values->all_as<float>()));
     values->numbers = {reinterpret_cast<const std::uint8_t*>(values->unpacked->data()),
                        values->unpacked->size() * sizeof(float)};
     values->swapped = false;
-    return runs;
+    return present;
   }
 
   Node member(const Declaration& declaration) {
@@ -378,6 +378,7 @@ std::vector<Wide> Node::all_as() const {
 template std::vector<double> Node::all_as() const;
 template std::vector<float> Node::all_as() const;
 template std::vector<std::int32_t> Node::all_as() const;
+template std::vector<std::uint32_t> Node::all_as() const;
 template std::vector<std::int64_t> Node::all_as() const;
 template std::vector<std::uint64_t> Node::all_as() const;
 

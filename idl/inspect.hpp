@@ -1,10 +1,10 @@
 // Any encoded message as a tree of named members, read by the IDL of its type instead of generated
 // code: for printing, JSON, comparing, whatever the type.
 //
-// Numbers and texts stay where they are in the message, but for lists that travel without runs of
-// zeros: these are as they were before. A hostile message is refused before anything is allocated
-// for what it merely claims; the tree takes at most some hundred times the bytes of the message,
-// and 128 MB of zeros.
+// Numbers and texts stay where they are in the message, but for lists that travel without zeros:
+// these are as they were before. A hostile message is refused before anything is allocated for what
+// it merely claims; the tree takes at most some hundred times the bytes of the message, and 128 MB
+// of zeros.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ struct Node {
 
   std::span<const std::uint8_t> numbers;  // as they are in the message, or in `unpacked`
   bool swapped = false;                   // they are in the other byte order
-  // The numbers of a list that travels without runs of zeros (see runs.hpp).
+  // The numbers of a list that travels without zeros (see sparse.hpp).
   std::shared_ptr<const std::vector<float>> unpacked;
   std::vector<std::string_view> texts;
   // Members of a structure; of a list of structures a nameless node for each.

@@ -151,11 +151,14 @@ class Stranger : public testing::Test {
   }
 
   // The header of the frame that was admitted last, once there is one.
+  // Once everybody hears what the stranger writes.
   FrameHeader newest_frame() {
+    const auto is_heard = [](const auto& writer) { return writer.second->matched() > 0; };
     for (;;) {
       const auto stages = observer_->stages();
       const auto source = stages.find("numbers");
-      if (source != stages.end() && source->second.status.account.admitted > 0) {
+      if (source != stages.end() && source->second.status.account.admitted > 0 &&
+          std::ranges::all_of(writers_, is_heard)) {
         FrameHeader header = source->second.header;
         header.model_id = kModel;
         return header;

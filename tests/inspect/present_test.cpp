@@ -56,7 +56,7 @@ stamp: 0  # 1970-01-01T00:00:00.000Z
 )");
 }
 
-// Runs of zeros do not travel, but are shown.
+// Zeros do not travel, but are shown.
 TEST(Present, PackedNumbersAsTheyWere) {
   Descriptors descriptors{.recipe = "r"};
   auto& channel = descriptors.channels.emplace_back(

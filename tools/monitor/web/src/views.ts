@@ -232,16 +232,20 @@ function meanRow(values: ArrayLike<number>, rows: number, dimension: number): nu
   return mean;
 }
 
-// The numbers of a list that came without runs of zeros; recordings of earlier versions have none.
-function unpacked(message: any, size: number): Float32Array {
-  const { runs, values } = message;
-  if (runs === undefined) return values;
-  const result = new Float32Array(size);
-  for (let r = 0, at = 0, from = 0; r + 1 < runs.length; r += 2) {
-    at += runs[r];
-    result.set(values.subarray(from, from + runs[r + 1]), at);
-    at += runs[r + 1];
-    from += runs[r + 1];
+// The numbers of a list that came without zeros; `present` is told of in idl/sparse.hpp.
+function unpacked(message: any): Float32Array {
+  const { present, values } = message;
+  const result = new Float32Array(present[0]);
+  let at = 1;
+  let from = 0;
+  for (let block = 0; block < result.length; block += 1024) {
+    const groups = present[at++];
+    for (let group = 0; group < 32; ++group) {
+      if (((groups >>> group) & 1) === 0) continue;
+      const word = present[at++];
+      for (let i = 0; i < 32; ++i)
+        if (((word >>> i) & 1) === 1) result[block + 32 * group + i] = values[from++];
+    }
   }
   return result;
 }
@@ -255,7 +259,7 @@ function descriptorsView(message: any, context: Context): View {
   if (channel === undefined) return view;
   const { dimension, keypoint } = channel;
   const rows = keypoint.length;
-  const values = unpacked(channel, rows * dimension);
+  const values = unpacked(channel);
   view.facts = [`${count(rows)} descriptors of ${dimension} numbers`];
   const indices = Array.from({ length: dimension }, (_, d) => d);
   const mean = meanRow(values, rows, dimension);
@@ -304,7 +308,7 @@ function encodingsView(message: any, context: Context): View {
     view.legends = [ramp(sequential, "0", count(most), "packets in the segment")];
   } else {
     const dimension = message.dimension;
-    const values = unpacked(message, message.segment.length * dimension);
+    const values = unpacked(message);
     const means = new Float64Array(message.segment_count * dimension);
     for (let at = 0; at < values.length; ++at) {
       const s = message.segment[Math.floor(at / dimension)];
