@@ -23,7 +23,7 @@ using namespace std::chrono_literals;
 using Clock = RunningGraph::Clock;
 
 constexpr std::array kEchoed = {"source/dense", "descriptors/descriptors", "svm/scores"};
-constexpr auto kSettle = 4s;       // what has started or ended has done so
+constexpr auto kSettle = 7s;       // what has started or ended has done so
 constexpr auto kWindow = 4s;       // in which frames are counted
 constexpr int kMostFrames = 1000;  // per turn: a stream that does not end before its time
 
