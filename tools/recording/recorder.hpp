@@ -86,7 +86,7 @@ class Recorder {
   bool stop_ = false;
   std::exception_ptr error_;
   std::optional<std::chrono::steady_clock::time_point> finished_at_;
-  int history_;  // frames
+  int history_;  // frames, of the writers
   std::string source_;
 
   graph::Participant participant_;
